@@ -1,0 +1,1 @@
+"""flowlik: honest error distributions for optical flow."""

@@ -1,0 +1,97 @@
+"""Camera models: pixels to directions (p2v) and back (v2p)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flowlik.errors import DataError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Pinhole:
+    """Distortion-free perspective camera; axes x right, y down, z forward.
+
+    Pixels are ``(u, v)`` = (column, row) with the origin at the centre of the top-left pixel.
+
+    Parameters
+    ----------
+    width, height : int
+        Image size [px].
+    fx, fy : float
+        Focal lengths [px].
+    cx, cy : float
+        Principal point [px].
+
+    Raises
+    ------
+    DataError
+        If the size or a focal length is not positive, or a value is not finite.
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    def __post_init__(self) -> None:
+        finite = np.isfinite([self.fx, self.fy, self.cx, self.cy]).all()
+        if not finite or min(self.width, self.height, self.fx, self.fy) <= 0:
+            raise DataError(f"impossible camera {self}: size and focal lengths must be positive and finite")
+
+    @classmethod
+    def from_fov(cls, width: int, height: int, fov_x_deg: float) -> Pinhole:
+        """Camera with square pixels, centred principal point and a horizontal field of view [deg]."""
+        if not 0 < fov_x_deg < 180:
+            raise DataError(f"impossible field of view {fov_x_deg} deg: must lie between 0 and 180")
+        f = 0.5 * width / np.tan(np.deg2rad(fov_x_deg) / 2)
+        return cls(width, height, float(f), float(f), (width - 1) / 2, (height - 1) / 2)
+
+    @property
+    def K(self) -> Array:
+        """Camera matrix (3, 3) [px]."""
+        return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]], dtype=np.float64)
+
+    def rays(self, pixels: Array) -> Array:
+        """Directions (N, 3) in {c} scaled to z = 1, so that a point is ``depth_z * ray``."""
+        pixels = np.asarray(pixels, dtype=np.float64)
+        x = (pixels[..., 0] - self.cx) / self.fx
+        y = (pixels[..., 1] - self.cy) / self.fy
+        return np.stack([x, y, np.ones_like(x)], axis=-1)
+
+    def p2v(self, pixels: Array) -> Array:
+        """Unit direction vectors (N, 3) in {c} of pixels (N, 2); p2v of the paper's Eq. (1)."""
+        rays = self.rays(pixels)
+        return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+
+    def v2p(self, vectors: Array) -> Array:
+        """Pixels (N, 2) of vectors (N, 3) in {c} of any length; NaN where a vector points backwards."""
+        vectors = np.asarray(vectors, dtype=np.float64)
+        z = np.where(vectors[..., 2] > 0, vectors[..., 2], np.nan)
+        u = self.fx * vectors[..., 0] / z + self.cx
+        v = self.fy * vectors[..., 1] / z + self.cy
+        return np.stack([u, v], axis=-1)
+
+    def v2p_jacobian(self, vectors: Array) -> Array:
+        """Derivative (N, 2, 3) [px per unit of the vector] of `v2p`."""
+        x, y, z = np.moveaxis(np.asarray(vectors, dtype=np.float64), -1, 0)
+        zero = np.zeros_like(x)
+        du = np.stack([self.fx / z, zero, -self.fx * x / z**2], axis=-1)
+        dv = np.stack([zero, self.fy / z, -self.fy * y / z**2], axis=-1)
+        return np.stack([du, dv], axis=-2)
+
+    def pixel_grid(self) -> Array:
+        """All pixel centres (height * width, 2) in row-major order."""
+        v, u = np.mgrid[0 : self.height, 0 : self.width]
+        return np.stack([u.ravel(), v.ravel()], axis=-1).astype(np.float64)
+
+    def contains(self, pixels: Array) -> NDArray[np.bool_]:
+        """Whether pixels (N, 2) lie inside the image, between the outermost pixel centres; NaN is outside."""
+        u, v = pixels[..., 0], pixels[..., 1]
+        return (u >= 0) & (u <= self.width - 1) & (v >= 0) & (v <= self.height - 1)

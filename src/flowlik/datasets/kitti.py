@@ -1,0 +1,192 @@
+"""KITTI odometry: grey or colour images, calibration, and poses where they are."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import RigidTransform
+
+from flowlik.camera import Pinhole
+from flowlik.datasets.base import lacks, read_grey
+from flowlik.errors import DataError
+from flowlik.files import numbers, read_text
+from flowlik.trajectory import FRAME_RATE, read_kitti_poses, read_times
+
+IMAGE_FOLDERS = {"image_0": "P0", "image_2": "P2"}
+"""Image folders in the order of preference, each with the row of ``calib.txt`` of its camera."""
+
+
+class KittiOdometry:
+    """One sequence of the KITTI odometry benchmark, or a clip of one, as a `Sequence`.
+
+    Images are those of ``image_0``, else of ``image_2`` (as grey). KITTI's poses are those of camera 0;
+    `T_n_c` gives those of the camera whose images are read. {n} is the frame of the pose file.
+
+    Parameters
+    ----------
+    folder : Path or str
+        The sequence: ``calib.txt``, ``image_0`` or ``image_2`` with consecutively numbered PNG files,
+        and, optional, ``times.txt``.
+    poses : Path or str, optional
+        Pose file, one row an image. By default ``poses.txt`` in the folder (a clip's own), else
+        ``../../poses/NN.txt`` (the official layout). It is read when a pose is first asked for.
+
+    Attributes
+    ----------
+    name : str
+        ``kitti/`` and the folder's name.
+    times_source : str
+        ``times.txt``, or ``frame/10s`` where that file is missing.
+
+    Raises
+    ------
+    DataError
+        If images or calibration are missing or wrong, images are not numbered without gaps, or times
+        do not increase or are not one an image.
+    """
+
+    def __init__(self, folder: Path | str, poses: Path | str | None = None) -> None:
+        self.folder = Path(folder)
+        self.name = f"kitti/{self.folder.resolve().name}"
+        if not self.folder.is_dir():
+            raise DataError(f"{self.folder}: no such folder")
+        self._poses_file = None if poses is None else Path(poses)
+        images = next((name for name in IMAGE_FOLDERS if (self.folder / name).is_dir()), None)
+        if images is None:
+            raise DataError(f"{self.folder}: no folder {' or '.join(IMAGE_FOLDERS)} in this KITTI sequence")
+        self._files = _numbered_images(self.folder / images)
+        K, self._t_c_0 = read_calibration(self.folder / "calib.txt", IMAGE_FOLDERS[images])
+        height, width = read_grey(self._files[0]).shape
+        self._camera = Pinhole(width, height, *map(float, (K[0, 0], K[1, 1], K[0, 2], K[1, 2])))
+        self._timestamps, self.times_source = self._read_times()
+
+    @property
+    def camera(self) -> Pinhole:
+        """The camera of every frame."""
+        return self._camera
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self._files)
+
+    def image(self, k: int) -> NDArray[np.uint8]:
+        """Grey image (H, W) of frame k; a DataError if it is unreadable or of another size than the first."""
+        path = self._files[self._index(k)]
+        image = read_grey(path)
+        expected = (self._camera.height, self._camera.width)
+        if image.shape != expected:
+            raise DataError(f"{path}: the image is {_size(image.shape)}, the first one {_size(expected)}")
+        return image
+
+    def timestamp(self, k: int) -> float:
+        """Time [s] of frame k."""
+        return float(self._timestamps[self._index(k)])
+
+    def T_n_c(self, k: int) -> RigidTransform:
+        """Return the true pose of frame k, which takes points in {c} to points in {n} [m]."""
+        return self._poses[self._index(k)]
+
+    def depth(self, k: int) -> NDArray[np.float64]:
+        """Raise: KITTI odometry has no depth."""
+        raise lacks(self.name, "depth")
+
+    def flow(self, k: int) -> NDArray[np.float64]:
+        """Raise: KITTI odometry has no true flow."""
+        raise lacks(self.name, "true flow")
+
+    @cached_property
+    def _poses(self) -> RigidTransform:
+        official = self.folder.resolve().parent.parent / "poses" / f"{self.folder.resolve().name}.txt"
+        candidates = [self._poses_file] if self._poses_file else [self.folder / "poses.txt", official]
+        path = next((path for path in candidates if path.is_file()), None)
+        if path is None:
+            raise lacks(self.name, f"poses ({' or '.join(map(str, candidates))})")
+        T_n_0 = read_kitti_poses(path)
+        if len(T_n_0) != len(self):
+            raise DataError(f"{path}: {len(T_n_0)} poses for the {len(self)} images of {self.name}")
+        return T_n_0 * RigidTransform.from_translation(-self._t_c_0)
+
+    def _read_times(self) -> tuple[NDArray[np.float64], str]:
+        path = self.folder / "times.txt"
+        if not path.exists():
+            return np.arange(len(self)) / FRAME_RATE, "frame/10s"
+        seconds = read_times(path)
+        if len(seconds) != len(self):
+            raise DataError(f"{path}: {len(seconds)} times for the {len(self)} images of {self.name}")
+        return seconds, "times.txt"
+
+    def _index(self, k: int) -> int:
+        if not 0 <= k < len(self):
+            raise IndexError(f"{self.name} has frames 0 to {len(self) - 1}, not {k}")
+        return k
+
+
+def read_calibration(path: Path | str, row: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Read one camera of a KITTI ``calib.txt``.
+
+    Parameters
+    ----------
+    path : Path or str
+        Calibration file, rows such as ``P0: …`` of 12 numbers (a 3 x 4 projection matrix K [I | t]).
+    row : str
+        Name of the row.
+
+    Returns
+    -------
+    K : array (3, 3)
+        Camera matrix [px].
+    t_c_0 : array (3,)
+        Translation [m] from camera 0 to this one: a point X in camera 0 is X + t in this camera.
+
+    Raises
+    ------
+    DataError
+        If the file is missing or not a calibration file, or has no such row.
+    """
+    rows = dict(_calibration_rows(path))
+    if row not in rows:
+        raise DataError(f"{path}: no row {row}, the camera of the images here (rows: {', '.join(rows)})")
+    P = np.array(rows[row]).reshape(3, 4)
+    K = P[:, :3]
+    is_pinhole = K[0, 0] > 0 and K[1, 1] > 0 and not np.any([K[0, 1], K[1, 0], *K[2, :2]]) and K[2, 2] == 1
+    if not is_pinhole:
+        raise DataError(f"{path}, row {row}: not the projection matrix of a camera without skew")
+    return K, np.linalg.solve(K, P[:, 3])
+
+
+def _calibration_rows(path: Path | str) -> list[tuple[str, list[float]]]:
+    rows = []
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
+        if not line.strip():
+            continue
+        name, colon, values = line.partition(":")
+        words = values.split()
+        if not colon or len(words) != 12:
+            raise DataError(f"{path}, line {number}: not a KITTI calibration row ('P0:' and 12 numbers)")
+        rows.append((name.strip(), numbers(words, f"{path}, line {number}")))
+    if not rows:
+        raise DataError(f"{path}: empty, but expected KITTI calibration rows ('P0:' and 12 numbers)")
+    return rows
+
+
+def _numbered_images(folder: Path) -> list[Path]:
+    """PNG files of a folder in the order of their numbers, which must be consecutive."""
+    files = list(folder.glob("*.png"))
+    if not files:
+        raise DataError(f"{folder}: no images (NNNNNN.png)")
+    stray = sorted(path for path in files if not path.stem.isdecimal())
+    if stray:
+        raise DataError(f"{stray[0]}: images must be named by frame number (NNNNNN.png)")
+    files.sort(key=lambda path: int(path.stem))
+    for previous, current in pairwise(files):
+        if int(current.stem) != int(previous.stem) + 1:
+            raise DataError(f"{folder}: images are missing between {previous.name} and {current.name}")
+    return files
+
+
+def _size(shape: tuple[int, ...]) -> str:
+    return f"{shape[1]} x {shape[0]}"

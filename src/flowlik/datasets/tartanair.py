@@ -1,0 +1,186 @@
+"""TartanAir V2: one camera of one trajectory, and the conversions of its file formats."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TypeVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from flowlik.camera import Pinhole
+from flowlik.datasets.base import decode_image, lacks, read_grey, true_flow, visible_next
+from flowlik.errors import DataError
+
+CAMERA = Pinhole(640, 640, 320.0, 320.0, 320.0, 320.0)
+"""The camera of all TartanAir images."""
+
+FRAMES_PER_SECOND = 10.0
+
+_T = TypeVar("_T", bound=np.generic)
+
+_NED_CAMERA = RigidTransform.from_rotation(Rotation.from_matrix([[0, 0, 1], [1, 0, 0], [0, 1, 0]]))
+"""Takes x right, y down, z forward to TartanAir's axes: x forward, y right, z down."""
+
+
+class TartanAir:
+    """The left front camera of one trajectory; implements `flowlik.datasets.base.Sequence`.
+
+    The folder holds ``image_lcam_front`` and, where it has them, ``depth_lcam_front`` and
+    ``pose_lcam_front.txt``. The camera comes from ``camera.json`` if there is one, else it is TartanAir's
+    own. World axes are x right, y down, z forward. True flow is computed from depth and poses in float64, not
+    read from the flow images, which are rounded to 1/64 px.
+
+    Parameters
+    ----------
+    folder : Path or str
+        One trajectory, e.g. ``abandonedfactory/Data_easy/P000``.
+
+    Raises
+    ------
+    DataError
+        If folder, images or camera file are missing or invalid, or the poses are malformed or too few.
+    """
+
+    def __init__(self, folder: Path | str) -> None:
+        self.folder = Path(folder)
+        self.name = self.folder.name
+        if not self.folder.is_dir():
+            raise DataError(f"{self.folder}: no such folder")
+        self._images = sorted((self.folder / "image_lcam_front").glob("*_lcam_front.png"))
+        if not self._images:
+            raise DataError(
+                f"{self.folder}: no images image_lcam_front/*_lcam_front.png, not a TartanAir V2 folder"
+            )
+        self._camera, self.frames_per_second = _read_camera(self.folder / "camera.json")
+        self._poses = _read_poses(self.folder / "pose_lcam_front.txt", len(self._images))
+
+    @property
+    def camera(self) -> Pinhole:
+        """The camera of every frame."""
+        return self._camera
+
+    def __len__(self) -> int:
+        """Return the number of images."""
+        return len(self._images)
+
+    def image(self, k: int) -> NDArray[np.uint8]:
+        """Return the grey image (H, W) of frame k."""
+        path = self._images[self._index(k)]
+        return _of_size(read_grey(path), self.camera, path)
+
+    def timestamp(self, k: int) -> float:
+        """Return the time [s] of frame k."""
+        return self._index(k) / self.frames_per_second
+
+    def T_n_c(self, k: int) -> RigidTransform:
+        """Return the true pose of frame k: takes points in {c} to points in {n} [m]."""
+        if self._poses is None:
+            raise lacks(self.name, "poses (pose_lcam_front.txt)")
+        return self._poses[self._index(k)]
+
+    def depth(self, k: int) -> NDArray[np.float64]:
+        """Return the true depth (H, W) [m] along z at pixel centres, of float32 precision."""
+        stem = self._images[self._index(k)].stem
+        path = self.folder / "depth_lcam_front" / f"{stem}_depth.png"
+        if not path.is_file():
+            raise lacks(self.name, f"depth for frame {k} ({path.name})")
+        depth = decode_depth(decode_image(path, cv2.IMREAD_UNCHANGED), path)
+        return _of_size(depth, self.camera, path)
+
+    def flow(self, k: int) -> NDArray[np.float64]:
+        """Return the true flow (H, W, 2) [px] from frame k to k + 1; occluded pixels keep theirs."""
+        return true_flow(self.camera, self.depth(k), self._T_next(k))
+
+    def visible(self, k: int) -> NDArray[np.bool_]:
+        """Return which pixels (H, W) of frame k are seen in frame k + 1 too; needs the depth of both."""
+        return visible_next(self.camera, self.depth(k), self.depth(k + 1), self._T_next(k))
+
+    def _T_next(self, k: int) -> RigidTransform:
+        """T_k1_k: camera of frame k to camera of frame k + 1."""
+        return self.T_n_c(self._index(k) + 1).inv() * self.T_n_c(k)
+
+    def _index(self, k: int) -> int:
+        if not 0 <= k < len(self):
+            raise DataError(f"{self.name}: no frame {k}, there are {len(self)} frames")
+        return int(k)
+
+
+def encode_depth(depth: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Depth (H, W) [m] as little-endian float32 as a four-channel image (H, W, 4) for OpenCV."""
+    return np.ascontiguousarray(depth, dtype="<f4").view(np.uint8).reshape(*depth.shape, 4)
+
+
+def decode_depth(channels: NDArray[np.uint8], path: Path) -> NDArray[np.float64]:
+    """Depth (H, W) [m] of a four-channel image; the path is named in errors."""
+    if channels.dtype != np.uint8 or channels.ndim != 3 or channels.shape[2] != 4:
+        raise DataError(f"{path}: depth must be an 8-bit PNG of 4 channels, this one is {channels.shape}")
+    return np.ascontiguousarray(channels).view("<f4")[..., 0].astype(np.float64)
+
+
+def encode_flow(flow: NDArray[np.float64], visible: NDArray[np.bool_], camera: Pinhole) -> NDArray[np.uint16]:
+    """Three-channel image (H, W, 3), in OpenCV's order: u and v as 64 * flow + 32768, and a mask.
+
+    The mask is 0 where the pixel is seen again, 1 where occluded, 100 where its end lies outside the image or
+    has no value that the format holds.
+    """
+    levels = np.rint(64 * np.nan_to_num(flow, nan=0.0, posinf=1e6, neginf=-1e6) + 32768)
+    held = np.isfinite(flow).all(axis=-1) & (np.abs(levels - 32768) < 32768).all(axis=-1)
+    inside = held & camera.contains(camera.pixel_grid().reshape(flow.shape) + flow)
+    mask = np.where(visible, 0, np.where(inside, 1, 100))
+    return np.dstack([np.clip(levels, 0, 65535), mask]).astype(np.uint16)
+
+
+def encode_poses(poses: RigidTransform) -> NDArray[np.float64]:
+    """Rows (N, 7) x y z qx qy qz qw in NED axes of poses T_n_c whose axes are x right, y down, z forward."""
+    ned = _NED_CAMERA * poses * _NED_CAMERA.inv()
+    return np.column_stack([ned.translation, ned.rotation.as_quat()])
+
+
+def decode_poses(rows: NDArray[np.float64]) -> RigidTransform:
+    """Poses T_n_c, axes x right, y down, z forward, of rows (N, 7) x y z qx qy qz qw in NED axes."""
+    ned = RigidTransform.from_components(rows[:, :3], Rotation.from_quat(rows[:, 3:]))
+    return _NED_CAMERA.inv() * ned * _NED_CAMERA
+
+
+def _read_poses(path: Path, frames: int) -> RigidTransform | None:
+    if not path.is_file():
+        return None
+    try:
+        lines = path.read_text().splitlines()
+        rows = np.array([line.split() for line in lines if line.strip()], dtype=np.float64).reshape(len(lines), -1)
+    except ValueError as error:
+        raise DataError(f"{path}: not a table of numbers ({error})") from error
+    if rows.shape[1] != 7:
+        raise DataError(f"{path}: poses need 7 columns x y z qx qy qz qw, found {rows.shape[1]}")
+    if len(rows) < frames:
+        raise DataError(f"{path}: {len(rows)} poses for {frames} images")
+    if not np.isfinite(rows).all() or (np.linalg.norm(rows[:, 3:], axis=1) < 0.5).any():
+        raise DataError(f"{path}: every row must be finite and hold a unit quaternion qx qy qz qw")
+    return decode_poses(rows)
+
+
+def _read_camera(path: Path) -> tuple[Pinhole, float]:
+    """Camera and frame rate [1/s] from a camera.json, or TartanAir's own if there is none."""
+    if not path.is_file():
+        return CAMERA, FRAMES_PER_SECOND
+    try:
+        values = json.loads(path.read_text())
+        names = ("fx", "fy", "cx", "cy")
+        camera = Pinhole(
+            int(values["width"]), int(values["height"]), *(float(values[name]) for name in names)
+        )
+        return camera, float(values["frames_per_second"])
+    except (ValueError, TypeError, KeyError) as error:
+        needed = "width, height, fx, fy, cx, cy and frames_per_second"
+        raise DataError(f"{path}: must be a JSON object with {needed} ({error!r})") from error
+
+
+def _of_size(values: NDArray[_T], camera: Pinhole, path: Path) -> NDArray[_T]:
+    if values.shape != (camera.height, camera.width):
+        size = f"{values.shape[1]}x{values.shape[0]}"
+        raise DataError(f"{path}: image is {size}, the camera is {camera.width}x{camera.height}")
+    return values

@@ -1,0 +1,17 @@
+"""The library's own exceptions: every complaint about input is one of these, in one line."""
+
+
+class FlowlikError(Exception):
+    """Base of all errors raised on purpose by flowlik."""
+
+
+class DataError(FlowlikError):
+    """An input (image, flow, depth, pose, file) is missing, unreadable, or of the wrong shape."""
+
+
+class ModelError(FlowlikError):
+    """A likelihood file is invalid, or was made for another flow method or texture definition."""
+
+
+class CalibrationError(FlowlikError):
+    """A likelihood could not be calibrated from the data given."""
