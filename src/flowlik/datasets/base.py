@@ -152,5 +152,5 @@ def _moved_rays(camera: Pinhole, depth: NDArray[np.float64], T_k1_k: RigidTransf
     """Points (H, W, 3) of frame k in the camera of frame k + 1, over their depth in frame k; else NaN."""
     rays = camera.rays(camera.pixel_grid())
     inverse_depth = 1 / np.where(depth > 0, depth, np.nan).reshape(-1, 1)
-    moved = T_k1_k.rotation.apply(rays) + T_k1_k.translation * inverse_depth
-    return np.asarray(moved).reshape(*depth.shape, 3)
+    moved = rays @ T_k1_k.rotation.as_matrix().T + T_k1_k.translation * inverse_depth
+    return moved.reshape(*depth.shape, 3)

@@ -150,8 +150,8 @@ def _read_poses(path: Path, frames: int) -> RigidTransform | None:
     if not path.is_file():
         return None
     try:
-        lines = path.read_text().splitlines()
-        rows = np.array([line.split() for line in lines if line.strip()], dtype=np.float64).reshape(len(lines), -1)
+        words = [line.split() for line in path.read_text().splitlines() if line.strip()]
+        rows = np.array(words or np.empty((0, 7)), dtype=np.float64)
     except ValueError as error:
         raise DataError(f"{path}: not a table of numbers ({error})") from error
     if rows.shape[1] != 7:

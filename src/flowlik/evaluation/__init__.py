@@ -1,1 +1,1 @@
-"""evaluation"""
+"""Evaluation: goodness of fit, drift, and the evidence shown in reports."""

@@ -1,0 +1,217 @@
+"""Compiled kernels of ego-motion: linearisation, minimal solutions and scores. Twins stand in the tests.
+
+Motions are (3, 4) matrices [R | t]. Cameras are (fx, fy, cx, cy).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+NEWTON_STEPS = 10
+NEWTON_TOLERANCE_PX = 1e-6
+
+
+@njit(cache=True)
+def retract(T, step):  # type: ignore[no-untyped-def]
+    """Left retraction: R <- exp(omega) R, t <- exp(omega) t + upsilon; equals exp(xi) T to first order."""
+    wx, wy, wz = step[0], step[1], step[2]
+    angle = np.sqrt(wx * wx + wy * wy + wz * wz)
+    a = np.sin(angle) / angle if angle > 1e-8 else 1.0
+    b = (1 - np.cos(angle)) / (angle * angle) if angle > 1e-8 else 0.5
+    W = np.array([[0.0, -wz, wy], [wz, 0.0, -wx], [-wy, wx, 0.0]])
+    E = np.eye(3) + a * W + b * (W @ W)
+    moved = E @ T
+    for i in range(3):
+        moved[i, 3] += step[3 + i]
+    return moved
+
+
+@njit(cache=True, inline="always")
+def _point(T, direction, rho):  # type: ignore[no-untyped-def]
+    x = T[0, 0] * direction[0] + T[0, 1] * direction[1] + T[0, 2] * direction[2] + rho * T[0, 3]
+    y = T[1, 0] * direction[0] + T[1, 1] * direction[1] + T[1, 2] * direction[2] + rho * T[1, 3]
+    z = T[2, 0] * direction[0] + T[2, 1] * direction[1] + T[2, 2] * direction[2] + rho * T[2, 3]
+    return x, y, z
+
+
+@njit(cache=True, inline="always")
+def _depth_rows(T, direction, rho, end, camera, J):  # type: ignore[no-untyped-def]
+    """Error (2,) of one point in {i} and its Jacobian, written to J (2, 6); z <= 0 leaves both unset."""
+    x, y, z = _point(T, direction, rho)
+    if z <= 1e-9:
+        return 0.0, 0.0, False
+    fx, fy, cx, cy = camera
+    iz = 1.0 / z
+    xn, yn = x * iz, y * iz
+    J[0, 0], J[0, 1], J[0, 2] = fx * xn * yn, -fx * (1 + xn * xn), fx * yn
+    J[1, 0], J[1, 1], J[1, 2] = fy * (1 + yn * yn), -fy * xn * yn, -fy * xn
+    J[0, 3], J[0, 4], J[0, 5] = -fx * iz * rho, 0.0, fx * xn * iz * rho
+    J[1, 3], J[1, 4], J[1, 5] = 0.0, -fy * iz * rho, fy * yn * iz * rho
+    return end[0] - (fx * xn + cx), end[1] - (fy * yn + cy), True
+
+
+@njit(cache=True, parallel=True)
+def linearise_depth(T, directions, rho, ends, R_i_e, camera):  # type: ignore[no-untyped-def]
+    """Eigenbasis errors (2N,) [px] and Jacobian (2N, 6); NaN errors behind the camera."""
+    n = len(rho)
+    z, J = np.empty(2 * n), np.zeros((2 * n, 6))
+    for i in prange(n):
+        rows = np.empty((2, 6))
+        u, v, valid = _depth_rows(T, directions[i], rho[i], ends[i], camera, rows)
+        if not valid:
+            z[2 * i] = z[2 * i + 1] = np.nan
+            continue
+        for e in range(2):
+            a, b = R_i_e[i, 0, e], R_i_e[i, 1, e]
+            z[2 * i + e] = a * u + b * v
+            for j in range(6):
+                J[2 * i + e, j] = a * rows[0, j] + b * rows[1, j]
+    return z, J
+
+
+@njit(cache=True, parallel=True)
+def score_depth(hypotheses, directions, rho, ends, R_i_e, camera, bounds, by_vector):  # type: ignore[no-untyped-def]
+    """Inliers of each hypothesis (K, 3, 4): components within bounds (N, 2), or vectors within bounds[:, 0].
+
+    A negative bound leaves a component out.
+    """
+    fx, fy, cx, cy = camera
+    counts = np.zeros(len(hypotheses), np.int64)
+    for k in prange(len(hypotheses)):
+        T, count = hypotheses[k], 0
+        for i in range(len(rho)):
+            x, y, z = _point(T, directions[i], rho[i])
+            if z <= 1e-9:
+                continue
+            iz = 1.0 / z
+            u, v = ends[i, 0] - (fx * x * iz + cx), ends[i, 1] - (fy * y * iz + cy)
+            z1 = R_i_e[i, 0, 0] * u + R_i_e[i, 1, 0] * v
+            z2 = R_i_e[i, 0, 1] * u + R_i_e[i, 1, 1] * v
+            b1, b2 = bounds[i, 0], bounds[i, 1]
+            if by_vector:
+                if b1 < 0:
+                    z1 = 0.0
+                if b2 < 0:
+                    z2 = 0.0
+                b = max(b1, b2)
+                count += b >= 0 and z1 * z1 + z2 * z2 <= b * b
+            else:
+                count += abs(z1) <= b1
+                count += abs(z2) <= b2
+        counts[k] = count
+    return counts
+
+
+@njit(cache=True)
+def _solve6(A, b):  # type: ignore[no-untyped-def]
+    """Solve a (6, 6) system in place by elimination with pivoting; False if it is singular."""
+    for i in range(6):
+        pivot = i
+        for r in range(i + 1, 6):
+            if abs(A[r, i]) > abs(A[pivot, i]):
+                pivot = r
+        if abs(A[pivot, i]) < 1e-12:
+            return False
+        if pivot != i:
+            for c in range(6):
+                A[i, c], A[pivot, c] = A[pivot, c], A[i, c]
+            b[i], b[pivot] = b[pivot], b[i]
+        for r in range(i + 1, 6):
+            f = A[r, i] / A[i, i]
+            for c in range(i, 6):
+                A[r, c] -= f * A[i, c]
+            b[r] -= f * b[i]
+    for i in range(5, -1, -1):
+        for c in range(i + 1, 6):
+            b[i] -= A[i, c] * b[c]
+        b[i] /= A[i, i]
+    return True
+
+
+@njit(cache=True, parallel=True)
+def three_point_motions(samples, start, directions, rho, ends, camera):  # type: ignore[no-untyped-def]
+    """Motions (K, 3, 4) through three points each (K, 3), by Newton's method from `start`; and which converged.
+
+    Three flow vectors of known depth are six equations in six unknowns; flow is small by nature, so that
+    the solution near `start` is the one wanted.
+    """
+    motions, converged = np.empty((len(samples), 3, 4)), np.zeros(len(samples), np.bool_)
+    for k in prange(len(samples)):
+        T = start.copy()
+        A, b, J = np.empty((6, 6)), np.empty(6), np.empty((2, 6))
+        for _ in range(NEWTON_STEPS):
+            worst, valid = 0.0, True
+            for s in range(3):
+                i = samples[k, s]
+                u, v, ahead = _depth_rows(T, directions[i], rho[i], ends[i], camera, J)
+                valid = valid and ahead
+                worst = max(worst, abs(u), abs(v))
+                A[2 * s], A[2 * s + 1] = J[0], J[1]
+                b[2 * s], b[2 * s + 1] = -u, -v
+            if not valid:
+                break
+            if worst < NEWTON_TOLERANCE_PX:
+                converged[k] = True
+                break
+            if not _solve6(A, b):
+                break
+            T = retract(T, b)
+        motions[k] = T
+    return motions, converged
+
+
+@njit(cache=True, parallel=True)
+def linearise_epipolar(T, rays, ends, focal):  # type: ignore[no-untyped-def]
+    """Epipolar errors (N,) [px], line normals (N, 2) in {i} and Jacobian (N, 6); rays scaled to z = 1."""
+    n = len(rays)
+    fx, fy = focal
+    z, normal, J = np.empty(n), np.empty((n, 2)), np.empty((n, 6))
+    t0, t1, t2 = T[0, 3], T[1, 3], T[2, 3]
+    for i in prange(n):
+        a0, a1, a2 = _point(T, rays[i], 0.0)
+        l0, l1, l2 = t1 * a2 - t2 * a1, t2 * a0 - t0 * a2, t0 * a1 - t1 * a0
+        s0, s1 = l0 / fx, l1 / fy
+        length = np.sqrt(s0 * s0 + s1 * s1)
+        if length < 1e-12:  # the point is the epipole: no line
+            z[i] = np.nan
+            normal[i, 0], normal[i, 1] = 1.0, 0.0
+            J[i] = 0.0
+            continue
+        e0, e1, e2 = ends[i, 0], ends[i, 1], ends[i, 2]
+        z[i] = (l0 * e0 + l1 * e1 + l2 * e2) / length
+        normal[i, 0], normal[i, 1] = s0 / length, s1 / length
+        g0 = (e0 - z[i] * normal[i, 0] / fx) / length
+        g1 = (e1 - z[i] * normal[i, 1] / fy) / length
+        g2 = e2 / length
+        J[i, 0], J[i, 1], J[i, 2] = l1 * g2 - l2 * g1, l2 * g0 - l0 * g2, l0 * g1 - l1 * g0
+        J[i, 3], J[i, 4], J[i, 5] = a1 * g2 - a2 * g1, a2 * g0 - a0 * g2, a0 * g1 - a1 * g0
+    return z, normal, J
+
+
+@njit(cache=True, parallel=True)
+def score_epipolar(essentials, rays, ends, focal, bounds):  # type: ignore[no-untyped-def]
+    """Inliers of each essential matrix (K, 3, 3); bounds (N, A) over the normal's pseudo-angle."""
+    fx, fy = focal
+    last = bounds.shape[1] - 1
+    counts = np.zeros(len(essentials), np.int64)
+    for k in prange(len(essentials)):
+        E, count = essentials[k], 0
+        for i in range(len(rays)):
+            r0, r1, r2 = rays[i, 0], rays[i, 1], rays[i, 2]
+            l0 = E[0, 0] * r0 + E[0, 1] * r1 + E[0, 2] * r2
+            l1 = E[1, 0] * r0 + E[1, 1] * r1 + E[1, 2] * r2
+            l2 = E[2, 0] * r0 + E[2, 1] * r1 + E[2, 2] * r2
+            s0, s1 = l0 / fx, l1 / fy
+            square = s0 * s0 + s1 * s1
+            if square < 1e-24:
+                continue
+            d = l0 * ends[i, 0] + l1 * ends[i, 1] + l2 * ends[i, 2]
+            # pseudo-angle of +-n: 0 at -v, 1/2 at u, 1 at +v
+            p = 0.5 + 0.5 * (s1 if s0 >= 0 else -s1) / (abs(s0) + abs(s1))
+            position = p * last
+            j = min(int(position), last - 1)
+            b = bounds[i, j] + (position - j) * (bounds[i, j + 1] - bounds[i, j])
+            count += b >= 0 and d * d <= b * b * square
+        counts[k] = count
+    return counts

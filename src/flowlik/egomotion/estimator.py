@@ -1,0 +1,242 @@
+"""One estimator in four steps (sample, propose, score, refine): RANSAC, LCMSAC and maximum likelihood."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import RigidTransform
+
+from flowlik.camera import Array
+from flowlik.egomotion import _kernels
+from flowlik.egomotion.residuals import Residual
+from flowlik.egomotion.result import EgoMotion, Status, unsolved
+from flowlik.likelihood import FlowLikelihood
+from flowlik.tables import normal_equations
+
+BATCH = 50
+REFINEMENTS = 5
+IRLS_STEPS = 30
+INFORMATIVE_PX = 1.0
+LEAST_RECIPROCAL_CONDITION = 1e-9
+CONVERGED_NAT = 1e-7
+HALVINGS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Estimator:
+    """Sampling consensus and maximum likelihood over one FlowLikelihood.
+
+    Attributes
+    ----------
+    name : str
+        As it appears in results.
+    likelihood : FlowLikelihood
+        Fits the inliers, weighs samples, and bounds inliers unless ``radius_px`` does.
+    confidence : float
+        A component is an inlier within the central region of this confidence (the paper's 90 %).
+    radius_px : float or None
+        If given, a flow *vector* is an inlier within this radius instead: RANSAC.
+    refine_all : bool
+        Refine over all components rather than over the inliers: maximum likelihood, whose heavy tails
+        take care of outliers.
+    gate : float or None
+        Components with texture below it [intensity^2/px^2] are ignored (the paper's gate).
+    most_hypotheses : int
+        Most minimal samples drawn.
+    success : float
+        Probability of one good sample at which drawing stops.
+    """
+
+    name: str
+    likelihood: FlowLikelihood
+    confidence: float = 0.90
+    radius_px: float | None = None
+    refine_all: bool = False
+    gate: float | None = None
+    most_hypotheses: int = 200
+    success: float = 0.999
+
+    def estimate(
+        self, residual: Residual, seed: int | np.random.Generator = 0, start: RigidTransform | None = None
+    ) -> EgoMotion:
+        """Estimate the motion of a residual.
+
+        Parameters
+        ----------
+        residual : Residual
+            Measurements with known depth, or the epipolar constraint.
+        seed : int or Generator
+            Draws the samples; the same seed gives the same result.
+        start : RigidTransform, optional
+            Where minimal solutions start, for instance the previous motion; by default no motion.
+
+        Returns
+        -------
+        EgoMotion
+            With a status that says whether it was solved; too little data is no exception.
+
+        Raises
+        ------
+        ModelError
+            If the likelihood belongs to another flow method or texture definition.
+        """
+        self.likelihood.check(residual.measurements)
+        kept = residual.measurements.covariates["texture"] >= (self.gate or 0.0)
+        excluded = {**residual.excluded, "texture gate": int(kept.size - kept.sum())}
+        if (n := int(kept.any(axis=1).sum())) < residual.minimal:
+            return unsolved(Status.TOO_FEW, f"{n} flow vectors, {residual.minimal} needed", excluded)
+        if residual.still():
+            return unsolved(Status.STILL, "the flow is zero", excluded)
+        begin = (start or RigidTransform.identity()).as_matrix()[:3]
+        hypothesis, drawn = self._consensus(residual, kept, begin, np.random.default_rng(seed))
+        if hypothesis is None:
+            return unsolved(Status.DEGENERATE, "no minimal sample has a solution", excluded)
+
+        used = residual.kept_components(kept)
+        T, ambiguous = residual.motion(hypothesis, lambda T: self._inliers(residual, T, used))
+        T, log_prob = self._refine(residual, T, used)
+        inliers = self._inliers(residual, T, used)
+        _, J, x = residual.linearise(T, self.likelihood.schedule.index)
+        final = used if self.refine_all else inliers
+        information = np.einsum("c,ci,cj->ij", self.likelihood.fisher(x[final]), J[final], J[final])
+        status, reason = _conditioned(residual.basis(T), information)
+        if status is Status.SOLVED and ambiguous:
+            status, reason = Status.AMBIGUOUS, "two motions have nearly as many points in front of the camera"
+        per_vector = residual.components_per_vector if self.radius_px is not None else 1
+        return EgoMotion(
+            T_k_prev=_transform(residual.normalise(T)),
+            information=information,
+            status=status,
+            reason=reason,
+            scale_known=residual.metric,
+            inliers=int(inliers.reshape(-1, per_vector).any(axis=1).sum()),
+            informative=int((inliers & (self._bound(x) <= INFORMATIVE_PX)).sum()),
+            components=int(used.sum()),
+            inlier_unit="component" if self.radius_px is None else "vector",
+            excluded=excluded,
+            outside=self.likelihood.schedule.outside(x[used]),
+            log_prob=log_prob,
+            hypotheses=drawn,
+        )
+
+    def _bound(self, x: Array) -> Array:
+        if self.radius_px is not None:
+            return np.full(np.shape(x), self.radius_px)
+        return self.likelihood.bound(x, self.confidence)
+
+    def _inliers(self, residual: Residual, T: Array, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Components (C,) of `used` that are inliers of a motion, or belong to inlier vectors."""
+        z, _, x = residual.linearise(T, self.likelihood.schedule.index)
+        if self.radius_px is None:
+            return used & (np.abs(z) <= self._bound(x))
+        length = np.linalg.norm(np.where(used, z, 0.0).reshape(len(residual), -1), axis=1)
+        return used & np.repeat(length <= self.radius_px, residual.components_per_vector)
+
+    def _consensus(
+        self, residual: Residual, kept: NDArray[np.bool_], start: Array, rng: np.random.Generator
+    ) -> tuple[Array | None, int]:
+        """Sample, propose and score until a good sample has almost surely been drawn."""
+        index = self.likelihood.schedule.index
+        bounds = residual.bounds(self._bound, index, kept)
+        weights = self._sampling_weights(residual, kept)
+        vectors = self.radius_px is not None
+        units = kept.any(axis=1).sum() if vectors else residual.kept_components(kept).sum()
+        exponent = residual.minimal * (1 if vectors else residual.components_per_vector)
+        best, best_score, drawn, needed = None, 0, 0, self.most_hypotheses
+        while drawn < needed:
+            samples = _draw(weights, min(BATCH, self.most_hypotheses - drawn), residual.minimal, rng)
+            drawn += len(samples)
+            hypotheses = residual.propose(samples, start)
+            if not len(hypotheses):
+                continue
+            scores = residual.score(hypotheses, bounds, vectors)
+            if scores.max() > best_score:
+                best, best_score = hypotheses[scores.argmax()], int(scores.max())
+                good = min((best_score / units) ** exponent, 1 - 1e-12)
+                needed = min(self.most_hypotheses, int(np.log(1 - self.success) / np.log1p(-good)) + 1)
+        return best, drawn
+
+    def _sampling_weights(self, residual: Residual, kept: NDArray[np.bool_]) -> Array:
+        """Draw a vector in proportion to the root of its weaker component's information; gated ones last."""
+        x = self.likelihood.schedule.index.of(residual.measurements.covariates)
+        reliability = np.sqrt(np.where(kept, self.likelihood.fisher(x), 0.0).min(axis=1))
+        return reliability + 1e-6 * reliability.max() + 1e-300
+
+    def _refine(self, residual: Residual, T: Array, used: NDArray[np.bool_]) -> tuple[Array, float]:
+        """Maximise the likelihood over inliers, chosen anew until they settle, then over all if asked."""
+        chosen = self._inliers(residual, T, used)
+        log_prob = -np.inf
+        for _ in range(REFINEMENTS):
+            T, log_prob = self._maximise(residual, T, chosen)
+            again = self._inliers(residual, T, used)
+            if np.array_equal(again, chosen):
+                break
+            chosen = again
+        return self._maximise(residual, T, used) if self.refine_all else (T, log_prob)
+
+    def _maximise(self, residual: Residual, T: Array, chosen: NDArray[np.bool_]) -> tuple[Array, float]:
+        """Iteratively reweighted Gauss-Newton over chosen components; coordinates x are held meanwhile."""
+        index, tables = self.likelihood.schedule.index, self.likelihood.compiled
+        z, J, x = residual.linearise(T, index)
+        rows = tables.rows(x)
+
+        def equations(z: Array, J: Array) -> tuple[Array, Array, float]:
+            return normal_equations(z, J, rows, chosen & np.isfinite(z), tables.log_prob, tables.weight)
+
+        H, b, log_prob = equations(z, J)
+        for _ in range(IRLS_STEPS):
+            B = residual.basis(T)
+            step = B @ np.linalg.lstsq(B.T @ H @ B, B.T @ b, rcond=1e-14)[0]
+            if b @ step < CONVERGED_NAT:
+                break
+            for _ in range(HALVINGS):
+                candidate = residual.normalise(_kernels.retract(T, step))
+                H_new, b_new, log_prob_new = equations(*residual.linearise(candidate, index)[:2])
+                if log_prob_new > log_prob:
+                    break
+                step = 0.5 * step
+            else:
+                break
+            T, H, b, log_prob = candidate, H_new, b_new, log_prob_new
+        return T, float(log_prob)
+
+
+def ransac(radius_px: float = 0.5, gate: float | None = None) -> Estimator:
+    """RANSAC with a Gaussian: vectors within a radius, least squares on the inliers."""
+    return Estimator("ransac", FlowLikelihood.constant_gaussian(radius_px), radius_px=radius_px, gate=gate)
+
+
+def lcmsac(likelihood: FlowLikelihood, confidence: float = 0.90, gate: float | None = None) -> Estimator:
+    """Sampling consensus by component within the likelihood's own region (paper, Sec. II-G)."""
+    return Estimator("lcmsac", likelihood, confidence=confidence, gate=gate)
+
+
+def mle(likelihood: FlowLikelihood, confidence: float = 0.90, gate: float | None = None) -> Estimator:
+    """Maximum likelihood over all components, started from sampling consensus."""
+    return Estimator("mle", likelihood, confidence=confidence, gate=gate, refine_all=True)
+
+
+def _draw(weights: Array, count: int, size: int, rng: np.random.Generator) -> NDArray[np.intp]:
+    """Samples (K, size) of distinct vectors, K <= count: those that repeat a vector are dropped."""
+    cumulated = np.cumsum(weights)
+    drawn = np.searchsorted(cumulated, rng.random((count, size)) * cumulated[-1], side="right")
+    drawn = np.sort(np.minimum(drawn, len(weights) - 1), axis=1)
+    distinct = drawn[(np.diff(drawn, axis=1) > 0).all(axis=1)]
+    # a handful of vectors rarely gives a distinct draw
+    return distinct if len(distinct) else rng.permutation(len(weights))[None, :size]
+
+
+def _conditioned(basis: Array, information: Array) -> tuple[Status, str]:
+    A = basis.T @ information @ basis
+    scale = np.sqrt(np.diag(A))
+    if (scale > 0).all():
+        eigenvalues = np.linalg.eigvalsh(A / np.outer(scale, scale))
+        if eigenvalues[0] > LEAST_RECIPROCAL_CONDITION * eigenvalues[-1]:
+            return Status.SOLVED, ""
+    return Status.DEGENERATE, "the measurements do not determine every direction of the motion"
+
+
+def _transform(T: Array) -> RigidTransform:
+    return RigidTransform.from_matrix(np.vstack([T, [0, 0, 0, 1]]))

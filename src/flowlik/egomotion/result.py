@@ -1,0 +1,91 @@
+"""EgoMotion: a motion between two images with its information and status."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from flowlik.camera import Array
+
+
+class Status(StrEnum):
+    """How far a motion can be used."""
+
+    SOLVED = "solved"
+    TOO_FEW = "too few"
+    DEGENERATE = "degenerate"
+    AMBIGUOUS = "ambiguous"
+    STILL = "still"
+
+
+@dataclass(frozen=True, eq=False)
+class EgoMotion:
+    """Motion of the camera from image k-1 to image k.
+
+    Attributes
+    ----------
+    T_k_prev : RigidTransform
+        Takes points in {c} of image k-1 to {c} of image k [m; unit length if ``scale_known`` is false].
+    information : array (6, 6)
+        Fisher information along the tangent (rotation vector [rad], translation [m]) of the left
+        perturbation in {c} of image k, with components taken as independent. Rank 5 for the epipolar
+        residual, whose translation has no scale.
+    status : Status
+        SOLVED, or why not.
+    reason : str
+        One line for a status other than SOLVED.
+    scale_known : bool
+        Whether the translation is metric.
+    inliers : int
+        Inliers of *this* motion, in ``inlier_unit``.
+    informative : int
+        Inlier components whose bound is at most 1 px.
+    components : int
+        Components that entered, after the gate.
+    inlier_unit : str
+        ``"vector"`` or ``"component"``.
+    excluded : dict
+        Flow vectors left out, by reason, and components dropped by the gate.
+    outside : float
+        Share of components outside the model's calibrated range.
+    log_prob : float
+        Log-likelihood [nat] of the components used in refinement.
+    hypotheses : int
+        Hypotheses scored.
+    """
+
+    T_k_prev: RigidTransform
+    information: Array
+    status: Status
+    reason: str = ""
+    scale_known: bool = True
+    inliers: int = 0
+    informative: int = 0
+    components: int = 0
+    inlier_unit: str = "component"
+    excluded: dict[str, int] = field(default_factory=dict)
+    outside: float = 0.0
+    log_prob: float = 0.0
+    hypotheses: int = 0
+
+    @property
+    def solved(self) -> bool:
+        """Whether the motion was determined by the images; a standstill is."""
+        return self.status in (Status.SOLVED, Status.STILL)
+
+    @property
+    def covariance(self) -> Array:
+        """Inverse information (6, 6) where it is regular, else its pseudo-inverse.
+
+        Neighbouring flow errors are correlated, which the product of likelihoods ignores: this
+        covariance is smaller than the true one.
+        """
+        return np.asarray(np.linalg.pinv(self.information, hermitian=True), dtype=np.float64)
+
+
+def unsolved(status: Status, reason: str, excluded: dict[str, int] | None = None) -> EgoMotion:
+    """Return the identity with no information, and why."""
+    return EgoMotion(RigidTransform.identity(), np.zeros((6, 6)), status, reason, excluded=excluded or {})

@@ -1,0 +1,51 @@
+"""Farnebäck's polynomial-expansion flow (OpenCV), with the paper's Table I parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from flowlik.flow.base import DenseFlow, Image, check_pair
+
+
+@dataclass(frozen=True)
+class Farneback(DenseFlow):
+    """Dense flow by polynomial expansion; defaults are the paper's Table I in OpenCV's argument order.
+
+    Parameters
+    ----------
+    pyramid_scale : float
+        Ratio of successive pyramid levels.
+    levels : int
+        Pyramid levels.
+    window : int
+        Averaging window [px].
+    iterations : int
+        Iterations a level.
+    poly_n : int
+        Neighbourhood of the polynomial expansion [px].
+    poly_sigma : float
+        Gaussian of the expansion [px].
+    """
+
+    name: ClassVar[str] = "farneback"
+    pyramid_scale: float = 0.5
+    levels: int = 5
+    window: int = 5
+    iterations: int = 5
+    poly_n: int = 15
+    poly_sigma: float = 1.5
+
+    def dense(self, previous: Image, current: Image) -> NDArray[np.float32]:
+        """Flow (H, W, 2) [px] of every pixel."""
+        check_pair(previous, current)
+        start = np.zeros((*previous.shape, 2), np.float32)
+        flow = cv2.calcOpticalFlowFarneback(
+            previous, current, start, self.pyramid_scale, self.levels, self.window, self.iterations,
+            self.poly_n, self.poly_sigma, 0,
+        )  # fmt: skip
+        return np.asarray(flow, dtype=np.float32)

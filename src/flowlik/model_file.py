@@ -1,0 +1,120 @@
+"""FlowLikelihood files: JSON with everything a table needs to be used rightly."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from flowlik.errors import FlowlikError, ModelError
+from flowlik.families import error_family
+from flowlik.files import atomic_write
+from flowlik.flow import flow_method
+from flowlik.likelihood import FlowLikelihood
+from flowlik.schedule import Index, Schedule, Term
+from flowlik.texture import TextureDefinition
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+class _Term(_Strict):
+    covariate: str
+    floor: float
+    weight: float
+
+
+class _Texture(_Strict):
+    derivative: str
+    window: int
+
+
+class ModelFile(_Strict):
+    """Layout of a model file, schema version 1.
+
+    ``knots`` are of the index x (ln of texture for the paper's schedule); ``table`` maps each parameter
+    of the family to its values at the knots; ``score_correlation`` is the correlation of scores over pixel
+    distance, when it is known.
+    """
+
+    schema_version: Literal[1] = 1
+    family: str
+    interpolation: Literal["parameter"] = "parameter"
+    index: list[_Term]
+    knots: list[float]
+    table: dict[str, list[float]]
+    texture: _Texture
+    flow: dict[str, Any]
+    provenance: dict[str, Any]
+    goodness: dict[str, Any]
+    score_correlation: dict[str, list[float]] | None = None
+
+
+def save_likelihood(likelihood: FlowLikelihood, path: Path | str) -> None:
+    """Write a calibrated likelihood as JSON, atomically.
+
+    Raises
+    ------
+    ModelError
+        If the likelihood belongs to no flow method.
+    """
+    if likelihood.method is None:
+        raise ModelError("a likelihood without a flow method cannot be saved")
+    schedule = likelihood.schedule
+    content = ModelFile(
+        family=likelihood.family.name,
+        index=[_Term(covariate=t.covariate, floor=t.floor, weight=t.weight) for t in schedule.index.terms],
+        knots=schedule.knots.tolist(),
+        table={p.name: row.tolist() for p, row in zip(likelihood.family.parameters, schedule.values)},
+        texture=_Texture.model_validate(likelihood.texture.describe()),
+        flow=likelihood.method,
+        provenance=likelihood.provenance,
+        goodness=likelihood.goodness,
+    )
+    with atomic_write(Path(path)) as file:
+        file.write(content.model_dump_json(indent=1) + "\n")
+
+
+def load_likelihood(path: Path | str) -> FlowLikelihood:
+    """Read a likelihood from its JSON file.
+
+    Raises
+    ------
+    ModelError
+        If the file is missing, is not a model file, or its contents contradict one another.
+    """
+    path = Path(path)
+    try:
+        content = ModelFile.model_validate_json(path.read_bytes())
+        family = error_family(content.family)
+        names = [p.name for p in family.parameters]
+        if sorted(content.table) != sorted(names):
+            raise ModelError(
+                f"family {family.name} needs the parameters {names}, not {sorted(content.table)}"
+            )
+        if len({len(content.knots), *map(len, content.table.values())}) != 1:
+            raise ModelError("knots and parameters differ in number")
+        flow_method(content.flow)
+        return FlowLikelihood(
+            family,
+            Schedule(
+                Index(tuple(Term(t.covariate, t.floor, t.weight) for t in content.index)),
+                np.array(content.knots, dtype=np.float64),
+                np.array([content.table[name] for name in names], dtype=np.float64),
+            ),
+            TextureDefinition(content.texture.derivative, content.texture.window),
+            content.flow,
+            content.provenance,
+            content.goodness,
+        )
+    except OSError as error:
+        raise ModelError(f"{path}: cannot read the model file ({error.strerror or error})") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the file"
+        raise ModelError(f"{path}: not a flowlik model file ({where}: {first['msg']})") from None
+    except FlowlikError as error:
+        raise ModelError(f"{path}: {error}") from None

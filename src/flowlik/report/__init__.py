@@ -1,0 +1,62 @@
+"""Figures, tables and one self-contained page, drawn from the small files of a run folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from flowlik.report.figures import Data
+
+__all__ = ["build", "save_figure"]
+
+
+def build(run: Path) -> Path:
+    """Draw every figure of a run folder and write its page.
+
+    Parameters
+    ----------
+    run : Path
+        Folder with ``run.json``, ``metrics.json`` and ``data/<kind>--<label>.npz``.
+
+    Returns
+    -------
+    Path
+        The page, ``run/report.html``; the figures stand in ``run/figures`` as PNG and SVG.
+
+    Raises
+    ------
+    DataError
+        If the folder or one of its files is missing, unreadable or of the wrong shape.
+    """
+    from flowlik.report.page import write_report
+
+    return write_report(Path(run))
+
+
+def save_figure(kind: str, data: Data, stem: Path) -> tuple[Path, Path]:
+    """Draw one figure to ``<stem>.png`` and ``<stem>.svg``.
+
+    Parameters
+    ----------
+    kind : str
+        A key of :data:`flowlik.report.figures.FIGURES`.
+    data : mapping of str to ndarray
+        The arrays that kind requires.
+    stem : Path
+        Path of the figure without its suffix; its folder is made if missing.
+
+    Returns
+    -------
+    tuple of Path
+        The PNG and the SVG.
+
+    Raises
+    ------
+    DataError
+        If the kind is unknown, an array is missing or its shape does not fit.
+    """
+    from flowlik.report.figures import render
+    from flowlik.report.page import write_figure
+
+    return write_figure(render(kind, data), Path(stem))

@@ -1,0 +1,206 @@
+"""The kinds of figure a run can have: what each needs, how it is drawn and how it is read."""
+
+from __future__ import annotations
+
+import string
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from flowlik.errors import DataError
+from flowlik.report.draw_calibration import (
+    draw_coverage,
+    draw_distributions,
+    draw_error_over_texture,
+    draw_goodness,
+    draw_table,
+)
+from flowlik.report.draw_flow import draw_sequence
+from flowlik.report.draw_motion import draw_frame_errors, draw_trajectories
+from flowlik.report.draw_uncertainty import draw_uncertainty
+from flowlik.report.style import Data, Rendered, render_with
+
+
+@dataclass(frozen=True)
+class FigureKind:
+    """One kind of figure.
+
+    Parameters
+    ----------
+    draw : callable
+        Arrays to matplotlib figure.
+    title : str
+        What it shows, in a few words.
+    caption : str
+        How to read it; ``{name}`` stands for a scalar among the arrays.
+    required : mapping of str to str
+        Arrays it needs and their shapes: letters are lengths shared between arrays, ``X+1`` is one more.
+    optional : mapping of str to str
+        Arrays it draws when they are there.
+    """
+
+    draw: Callable[[Data], Figure]
+    title: str
+    caption: str
+    required: Mapping[str, str]
+    optional: Mapping[str, str] = field(default_factory=dict)
+
+
+FIGURES: dict[str, FigureKind] = {
+    "uncertainty": FigureKind(
+        draw_uncertainty,
+        "Where the flow can be trusted",
+        "Each cross is the flow's error at one pixel: its two bars lie along the image's own "
+        "directions of strongest (e₁) and weakest (e₂) texture and reach as far as {confidence:.0%} "
+        "of errors, magnified. A small cross means the flow is known both ways. One long bar marks an"
+        " edge: the flow is known across it, but not along it. Bars that end in arrow heads are "
+        "longer than drawn. Below, the same half-widths for every pixel, and the flow itself.",
+        {"image": "H W", "flow": "H W 2", "half_width": "H W 2", "angle": "H W", "confidence": ""},
+    ),
+    "flow-sequence": FigureKind(
+        draw_sequence,
+        "Flow sequence",
+        "Top: images. Middle: the true flow. Bottom: the flow as estimated. Hue is the direction of "
+        "motion and saturation its length, as on the wheel. Where bottom and middle differ in colour,"
+        " the flow is wrong.",
+        {"images": "n H W", "true_flow": "n H W 2", "flow": "n H W 2"},
+    ),
+    "error-over-texture": FigureKind(
+        draw_error_over_texture,
+        "Flow error over texture",
+        "How often an error of a given size (vertical) occurs at a given texture (horizontal); darker"
+        " is more often, and both axes are logarithmic. Lines that fall to the right say that more "
+        "texture means smaller errors, which is what the model learns. Where the model's own bound is"
+        " drawn, it should lie on the dashed line.",
+        {"texture_edges": "X+1", "error_edges": "Z+1", "counts": "X Z"},
+        {"bound_texture": "B", "bound_90": "B"},
+    ),
+    "table": FigureKind(
+        draw_table,
+        "The learned look-up table",
+        "The parameters of the error distribution at every texture: fitted at the knots (dots), "
+        "interpolated between them. Where grey shading is drawn, it shows how many components were "
+        "seen at each texture; knots with none beneath them rest on their neighbours.",
+        {"knots": "M", "values": "M P", "names": "P", "units": "P"},
+        {"texture_edges": "T+1", "counts_per_texture": "T"},
+    ),
+    "distributions": FigureKind(
+        draw_distributions,
+        "Measured and fitted error distributions",
+        "One row per range of texture [intensity²/px²], from little to much. Left: the bulk of the "
+        "errors on a linear scale. Right: a wider range on a logarithmic scale, which shows the "
+        "tails. The fitted line should follow the measured errors in both. Negative errors mean the "
+        "flow falls short.",
+        {"level_edges": "L 2", "z": "L B", "empirical": "L B", "fitted": "L B"},
+    ),
+    "goodness": FigureKind(
+        draw_goodness,
+        "Goodness of fit over texture",
+        "The Kolmogorov–Smirnov distance is the largest gap between the measured and the modelled "
+        "cumulative distribution of |z|: 0 is a perfect fit, lower is better. Pale, hollow levels "
+        "hold too few components to count; the medians are over the others. The strip below shows how"
+        " many components there are.",
+        {"texture": "X", "families": "F", "ks": "F X", "counted": "X", "counts": "X"},
+    ),
+    "coverage": FigureKind(
+        draw_coverage,
+        "Coverage of the intervals",
+        "Of the intervals said to hold, for example, 90 % of errors, how many really do? On the "
+        "dashed line the model is honest; below it, too bold; above it, too cautious.",
+        {"nominal": "C", "names": "F", "observed": "F C"},
+    ),
+    "trajectories": FigureKind(
+        draw_trajectories,
+        "Trajectories",
+        "The path seen in the plane of its largest extent, and beside it, where the truth is known, "
+        "how far each estimate is from the true position as time goes on. Errors add up along the "
+        "way; a lower line drifts less.",
+        {"names": "E", "positions": "E N 3", "timestamps": "N", "unit": ""},
+        {"truth": "N 3"},
+    ),
+    "frame-errors": FigureKind(
+        draw_frame_errors,
+        "Error of each frame's motion",
+        "Left: the error of every single frame-to-frame motion, on a logarithmic scale. Right: the "
+        "share of frames whose error is smaller than the value below; a curve further left is better,"
+        " and it crosses the dashed line at its median.",
+        {"names": "E", "translation": "E N", "rotation": "E N", "timestamps": "N"},
+    ),
+}
+
+
+def check(kind: str, data: Data) -> None:
+    """Check that a kind of figure is known and that its arrays are there with shapes that agree.
+
+    Parameters
+    ----------
+    kind : str
+        A key of `FIGURES`.
+    data : mapping of str to ndarray
+        Its arrays.
+
+    Raises
+    ------
+    DataError
+        Naming the first array that is missing or does not fit.
+    """
+    if kind not in FIGURES:
+        raise DataError(f"no figure of kind {kind!r}: known are {', '.join(FIGURES)}")
+    spec = FIGURES[kind]
+    missing = [name for name in spec.required if name not in data]
+    if missing:
+        raise DataError(f"figure {kind} lacks {', '.join(missing)}")
+    shapes = dict(spec.required) | {name: shape for name, shape in spec.optional.items() if name in data}
+    lengths: dict[str, int] = {}
+    for name, shape in shapes.items():
+        actual, letters = np.shape(data[name]), shape.split()
+        fits = len(actual) == len(letters) and all(_bind(s, n, lengths) for s, n in zip(letters, actual))
+        if not fits or 0 in actual:
+            raise DataError(f"figure {kind}: {name} has shape {actual}, expected ({', '.join(letters)})")
+
+
+def _bind(letter: str, length: int, lengths: dict[str, int]) -> bool:
+    """Whether a length agrees with its letter, which it defines where it comes first."""
+    if letter.isdigit():
+        return length == int(letter)
+    base, plus, _ = letter.partition("+")
+    length -= 1 if plus else 0
+    return lengths.setdefault(base, length) == length
+
+
+def render(kind: str, data: Data) -> Rendered:
+    """Draw a figure as PNG and SVG.
+
+    Parameters
+    ----------
+    kind : str
+        A key of `FIGURES`.
+    data : mapping of str to ndarray
+        Its arrays, as the kind's ``required`` and ``optional`` say.
+
+    Returns
+    -------
+    Rendered
+        The figure's files; equal data give equal bytes.
+
+    Raises
+    ------
+    DataError
+        If the data does not fit the kind.
+    """
+    check(kind, data)
+    try:
+        return render_with(FIGURES[kind].draw, data)
+    except (ValueError, TypeError, IndexError) as error:
+        raise DataError(f"figure {kind} cannot be drawn: {' '.join(str(error).split())}") from error
+
+
+def caption(kind: str, data: Data) -> str:
+    """How to read a figure, with the scalars of its data filled in."""
+    template = FIGURES[kind].caption
+    names = {name for _, name, _, _ in string.Formatter().parse(template) if name}
+    values: dict[str, Any] = {name: np.asarray(data[name]).item() for name in names}
+    return template.format(**values)

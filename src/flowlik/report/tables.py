@@ -1,0 +1,281 @@
+"""Result tables and headline figures, made from a run's records and from nothing else."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from flowlik.records import Record
+from flowlik.report.style import known_look
+
+KEYS = ("dataset", "flow", "family", "schedule", "estimator", "seed")
+
+GROUPS: tuple[tuple[str, tuple[str, ...]], ...] = (
+    (
+        "How well the error model fits",
+        ("nll", "ks_", "coverage_", "pit", "log_score", "outside", "components_"),
+    ),
+    (
+        "Ego-motion and drift",
+        ("drift", "t_err", "r_err", "rpe", "trans", "rot", "unsolved", "error", "ratio"),
+    ),
+    ("Honesty of the stated covariance", ("nees",)),
+    ("Speed and memory", ("frames_per", "components_per", "peak_memory", "seconds", "runtime")),
+)
+OTHER = "Other results"
+
+# metric: what it is called, and what it means in a few words
+METRICS: dict[str, tuple[str, str]] = {
+    "drift_percent": ("Drift", "final position error, share of the path's length"),
+    "t_err_percent": ("Translation drift", "over 100 m to 800 m, as KITTI measures it"),
+    "r_err_deg_per_100m": ("Rotation drift", "over 100 m to 800 m, as KITTI measures it"),
+    "rpe_trans_median_m": ("Median translation error", "of one frame's motion"),
+    "rpe_rot_median_deg": ("Median rotation error", "of one frame's motion"),
+    "ks_median": (
+        "Misfit (K‑S median)",
+        "largest gap between measured and modelled distribution; 0 is perfect",
+    ),
+    "ks_max": ("Worst misfit (K‑S)", "at the texture level that fits least"),
+    "coverage_90": ("Coverage of 90 %", "share of errors inside the model's own 90 % interval"),
+    "nll": ("Negative log-likelihood", "lower is better"),
+    "unsolved_fraction": ("Unsolved frames", "share of frames without a motion"),
+}
+_WORDS = {
+    "ks": "K‑S",
+    "nll": "NLL",
+    "nees": "NEES",
+    "rpe": "relative error",
+    "trans": "translation",
+    "rot": "rotation",
+}
+_FLOWS = {"farneback": "Farnebäck", "lucas-kanade": "Lucas–Kanade"}
+_HEADLINES = ("drift_percent", "t_err_percent", "rpe_trans_median_m", "ks_median", "coverage_90")
+_MOST_HEADLINES = 6
+# The method a run is about stands first; the others are what it is compared with.
+_OWN = ("LCMSAC", "MLE", "LCM")
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One value of a table: its text, what to say on hovering, and the numbers of its notes."""
+
+    text: str = ""
+    hint: str = ""
+    notes: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Column:
+    """One metric of a table, with its unit and the notes that hold for the whole column."""
+
+    label: str
+    unit: str
+    hint: str
+    notes: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Row:
+    """What was measured (one text a key) and the values."""
+
+    keys: tuple[str, ...]
+    cells: tuple[Cell, ...]
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of metrics; `common` names what is equal in all rows, `notes` are its protocols."""
+
+    title: str
+    keys: tuple[str, ...]
+    columns: tuple[Column, ...]
+    rows: tuple[Row, ...]
+    common: str
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Headline:
+    """One number a reader should see first, and what it is to be compared with."""
+
+    label: str
+    meaning: str
+    value: str
+    who: str
+    others: str
+
+
+def format_value(value: float | None) -> str:
+    """Text of a value: four significant digits, thousands in groups, an en dash for none."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    if value == 0 or 1e-4 <= abs(value) < 1e15:
+        digits = 0 if value == 0 else max(0, 3 - math.floor(math.log10(abs(value))))
+        text = f"{value:,.{digits}f}".replace(",", "\u202f")
+        return text.rstrip("0").rstrip(".") if "." in text else text
+    return f"{value:.3g}"
+
+
+def format_unit(unit: str) -> str:
+    """Write a unit as printed: percent as %, nothing for a pure number."""
+    return {"percent": "%", "1": "", "fraction": "", "none": ""}.get(unit, unit)
+
+
+def reason(record: Record) -> str:
+    """Why a record has no value, as its protocol says."""
+    parts = dict(part.strip().split("=", 1) for part in record.protocol.split(";") if "=" in part)
+    why = parts.get("reason") or parts.get("value") or record.protocol
+    return f"no value: {why}" if why else "no value was recorded"
+
+
+def tables(records: Iterable[Record]) -> list[Table]:
+    """Group records by topic and pivot each group.
+
+    Parameters
+    ----------
+    records : iterable of Record
+        All results of a run.
+
+    Returns
+    -------
+    list of Table
+        Rows are what was measured, columns the metrics; every record stands in exactly one cell.
+    """
+    grouped: dict[str, list[Record]] = {title: [] for title in [*(t for t, _ in GROUPS), OTHER]}
+    for record in records:
+        grouped[_group(record.metric)].append(record)
+    return [_pivot(title, rows) for title, rows in grouped.items() if rows]
+
+
+def _group(metric: str) -> str:
+    matches = [(len(p), title) for title, prefixes in GROUPS for p in prefixes if metric.startswith(p)]
+    return max(matches)[1] if matches else OTHER
+
+
+def _columns(records: Sequence[Record]) -> list[tuple[str, str]]:
+    return list(dict.fromkeys((r.metric, r.unit) for r in records))
+
+
+def _place(records: Sequence[Record]) -> list[tuple[tuple[object, ...], dict[tuple[str, str], Record]]]:
+    """Put every record in a row of its keys whose cell is free, by preference one of the same protocol."""
+    rows: list[tuple[tuple[object, ...], dict[tuple[str, str], Record]]] = []
+    for record in records:
+        key, column = tuple(getattr(record, k) for k in KEYS), (record.metric, record.unit)
+        free = [cells for k, cells in rows if k == key and column not in cells]
+        alike = [cells for cells in free if any(r.protocol == record.protocol for r in cells.values())]
+        if free:
+            (alike or free)[0][column] = record
+        else:
+            rows.append((key, {column: record}))
+    return rows
+
+
+def _pivot(title: str, records: Sequence[Record]) -> Table:
+    columns, rows = _columns(records), _place(records)
+    notes = list(dict.fromkeys(r.protocol for r in records if r.protocol))
+    number = {text: k + 1 for k, text in enumerate(notes)}
+    equal = [k for k in range(len(KEYS)) if len({key[k] for key, _ in rows}) == 1]
+    fixed = [k for k in equal if rows[0][0][k] is not None]
+    shown = [k for k in range(len(KEYS)) if k not in equal]
+    shared = {c: {r.protocol for _, cells in rows if (r := cells.get(c))} for c in columns}
+
+    def marks(protocols: set[str]) -> tuple[int, ...]:
+        return tuple(number[p] for p in protocols if p) if len(notes) > 1 and len(protocols) == 1 else ()
+
+    def cell(cells: dict[tuple[str, str], Record], column: tuple[str, str]) -> Cell:
+        record = cells.get(column)
+        if record is None:
+            return Cell()
+        count = "" if record.count is None else f"over {record.count:,} items".replace(",", "\u202f")
+        hint = reason(record) if record.value is None else count
+        return Cell(
+            format_value(record.value), hint, marks({record.protocol}) if len(shared[column]) > 1 else ()
+        )
+
+    return Table(
+        title=title,
+        keys=tuple(KEYS[k] for k in shown),
+        columns=tuple(
+            Column(
+                _label(metric),
+                format_unit(unit),
+                METRICS.get(metric, ("", ""))[1] or metric,
+                marks(shared[metric, unit]),
+            )
+            for metric, unit in columns
+        ),
+        rows=tuple(
+            Row(tuple(display_name(key[k]) for k in shown), tuple(cell(cells, c) for c in columns))
+            for key, cells in rows
+        ),
+        common=", ".join(f"{KEYS[k]} {display_name(rows[0][0][k])}" for k in fixed),
+        notes=tuple(notes),
+    )
+
+
+def _label(metric: str) -> str:
+    if metric in METRICS:
+        return METRICS[metric][0]
+    if metric.startswith("coverage_"):
+        return f"Coverage of {metric.removeprefix('coverage_')} %"
+    words = metric.removesuffix("_percent").removesuffix("_fraction").removesuffix("_mb").replace("_", " ")
+    words = " ".join(_WORDS.get(word, word) for word in words.split())
+    return words[:1].upper() + words[1:]
+
+
+def display_name(value: object) -> str:
+    """Name of a data set, flow method, family or estimator as a reader knows it; empty for None."""
+    if value is None:
+        return ""
+    if value in _FLOWS:
+        return _FLOWS[str(value)]
+    look = known_look(str(value))
+    return look.label if look else str(value)
+
+
+def _who(record: Record) -> str:
+    return display_name(record.estimator or record.family or record.flow or record.dataset)
+
+
+def headlines(records: Sequence[Record]) -> list[Headline]:
+    """Pick the numbers to show first, each beside those of the other families or estimators.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        All results of a run.
+
+    Returns
+    -------
+    list of Headline
+        At most six, in the order of importance.
+    """
+    found: list[Headline] = []
+    for metric in _HEADLINES:
+        groups: dict[tuple[object, ...], list[Record]] = {}
+        for r in records:
+            if r.metric == metric and r.value is not None:
+                groups.setdefault((r.dataset, r.flow), []).append(r)
+        found += [_headline(metric, group) for group in groups.values()]
+    return found[:_MOST_HEADLINES]
+
+
+def _headline(metric: str, group: Sequence[Record]) -> Headline:
+    rank = [
+        min(
+            [_OWN.index(w) for w in (display_name(r.estimator), display_name(r.family)) if w in _OWN],
+            default=9,
+        )
+        for r in group
+    ]
+    main = group[rank.index(min(rank))]
+    others = {_who(r): r for r in group if _who(r) != _who(main)}
+    label, meaning = METRICS[metric]
+    return Headline(
+        label=label,
+        meaning=meaning,
+        value=f"{format_value(main.value)} {format_unit(main.unit)}".strip(),
+        who=" · ".join(dict.fromkeys(filter(None, [_who(main), display_name(main.flow), main.dataset]))),
+        others=", ".join(f"{who} {format_value(r.value)}" for who, r in others.items()),
+    )

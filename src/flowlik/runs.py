@@ -1,0 +1,110 @@
+"""Run folders: what every command leaves, and from which its report is drawn."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flowlik.errors import DataError
+from flowlik.files import atomic_write, read_json, write_json
+from flowlik.records import Record, write_records
+
+PACKAGES = ("flowlik", "numpy", "scipy", "numba", "opencv-python-headless")
+
+
+@dataclass
+class RunFolder:
+    """A folder with ``run.json``, ``metrics.json``, ``data/`` and what the command itself leaves.
+
+    Results collect here and are written by `finish`; a folder without ``run.json`` is an unfinished run.
+
+    Parameters
+    ----------
+    path : Path
+        Folder; made if missing.
+    command : str
+        Command line that repeats the run, without paths of one machine where possible.
+    config : dict
+        Resolved configuration.
+    seed : int or None
+        Seed of everything random.
+
+    Raises
+    ------
+    DataError
+        If the folder holds something other than an earlier run of the same command.
+    """
+
+    path: Path
+    command: str
+    config: dict[str, Any]
+    seed: int | None = None
+    records: list[Record] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    _written: set[Path] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self.path = Path(self.path)
+        if self.path.is_file():
+            raise DataError(f"{self.path}: is a file; give a folder to --out")
+        if self.path.is_dir() and any(self.path.iterdir()):
+            marker = self.path / "run.json"
+            earlier = read_json(marker) if marker.is_file() else {}
+            if not isinstance(earlier, dict) or earlier.get("name") != self.name:
+                raise DataError(f"{self.path}: holds something else; choose another --out or empty it")
+            # until it is finished, the folder is no run
+            marker.unlink()
+
+    @property
+    def name(self) -> str:
+        """The command's own name: its first two words."""
+        return " ".join(self.command.split()[:2])
+
+    def save(self, kind: str, label: str, arrays: Mapping[str, ArrayLike]) -> None:
+        """Write the arrays of one figure to ``data/<kind>--<label>.npz``."""
+        path = self.path / "data" / f"{kind}--{label}.npz"
+        with atomic_write(path, "wb") as file:
+            contents: Any = {name: np.asarray(value) for name, value in arrays.items()}
+            np.savez_compressed(file, **contents)
+        self._written.add(path)
+
+    def warn(self, message: str) -> None:
+        """Keep a warning for report and command line, once."""
+        if message not in self.warnings:
+            self.warnings.append(message)
+
+    def finish(self) -> Path:
+        """Write metrics and ``run.json``, draw figures and page, and return the page's path."""
+        from flowlik.report import build
+
+        for stale in set((self.path / "data").glob("*.npz")) - self._written:
+            stale.unlink()
+        write_records(self.path / "metrics.json", self.records)
+        description = {
+            "name": self.name,
+            "command": self.command,
+            "config": self.config,
+            "seed": self.seed,
+            "versions": versions(),
+            "warnings": self.warnings,
+        }
+        write_json(self.path / "run.json", description)
+        return build(self.path)
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that results depend on."""
+    found = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "unknown"
+    return found

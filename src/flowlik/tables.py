@@ -1,0 +1,112 @@
+"""Tables of a likelihood over (x, abs(z)) and the kernels that read them; no family is known here.
+
+The axis of abs(z) is the bit pattern of a float32: 16 linear steps an octave, from 2^-14 to 2^10 px, so
+that a look-up needs no logarithm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from flowlik.camera import Array
+
+STEPS_PER_OCTAVE = 16
+SHIFT = 19  # 23 mantissa bits less the 4 that number the steps
+FIRST_BITS = (127 - 14) << 23
+OCTAVES = 24
+Z_NODES = OCTAVES * STEPS_PER_OCTAVE + 1
+X_NODES = 257
+CHUNKS = 8  # fixed, so that sums do not depend on the number of threads
+
+
+class LikelihoodTables(NamedTuple):
+    """Log-density and weight at nodes of x (rows) and abs(z) (columns)."""
+
+    first_x: float
+    step_x: float
+    log_prob: NDArray[np.float32]
+    weight: NDArray[np.float32]
+
+    def rows(self, x: Array) -> Array:
+        """Fractional row of each coordinate x, clamped to the table."""
+        return np.clip((x - self.first_x) / self.step_x, 0.0, len(self.log_prob) - 1.0)
+
+
+def magnitude_nodes() -> Array:
+    """Nodes of abs(z) [px] of the tables, and edges of the error bins of sketches."""
+    bits = FIRST_BITS + (np.arange(Z_NODES, dtype=np.int32) << SHIFT)
+    return bits.view(np.float32).astype(np.float64)
+
+
+def compile_tables(
+    log_prob: Callable[[Array, Array], Array], weight: Callable[[Array, Array], Array], knots: Array
+) -> LikelihoodTables:
+    """Tabulate ``log_prob(z, x)`` and ``weight(z, x)`` between the outer knots."""
+    x = np.linspace(knots[0], knots[-1], X_NODES)
+    z, grid = magnitude_nodes()[None, :], x[:, None]
+    return LikelihoodTables(
+        float(x[0]),
+        float(x[1] - x[0]),
+        log_prob(z, grid).astype(np.float32),
+        weight(z, grid).astype(np.float32),
+    )
+
+
+@njit(cache=True, inline="always")
+def magnitude_position(magnitude):  # type: ignore[no-untyped-def]
+    """Bin of abs(z) and the fraction within it; clamped to the outer bins."""
+    bits = np.float32(magnitude).view(np.int32) - FIRST_BITS
+    if bits < 0:
+        return 0, 0.0
+    column = bits >> SHIFT
+    if column >= Z_NODES - 1:
+        return Z_NODES - 2, 1.0
+    return column, (bits & ((1 << SHIFT) - 1)) / float(1 << SHIFT)
+
+
+@njit(cache=True, inline="always")
+def look_up(table, row, magnitude):  # type: ignore[no-untyped-def]
+    """Bilinear value of a table at a fractional row and abs(z)."""
+    i = min(int(row), table.shape[0] - 2)
+    a = row - i
+    j, b = magnitude_position(magnitude)
+    below = (1 - b) * table[i, j] + b * table[i, j + 1]
+    above = (1 - b) * table[i + 1, j] + b * table[i + 1, j + 1]
+    return (1 - a) * below + a * above
+
+
+@njit(cache=True, parallel=True)
+def normal_equations(z, J, rows, used, log_prob, weight):  # type: ignore[no-untyped-def]
+    """Weighted normal equations of components: H = sum w J^T J, b = -sum w z J, and sum of log_prob.
+
+    z, rows, used are (C,), J is (C, 6); components with ``used`` 0 are left out.
+    """
+    H_parts, b_parts, total_parts = np.zeros((CHUNKS, 6, 6)), np.zeros((CHUNKS, 6)), np.zeros(CHUNKS)
+    n = len(z)
+    for chunk in prange(CHUNKS):
+        H, b, total = np.zeros((6, 6)), np.zeros(6), 0.0
+        for c in range(chunk * n // CHUNKS, (chunk + 1) * n // CHUNKS):
+            if used[c] == 0:
+                continue
+            w = look_up(weight, rows[c], abs(z[c]))
+            total += look_up(log_prob, rows[c], abs(z[c]))
+            for i in range(6):
+                wj = w * J[c, i]
+                b[i] -= wj * z[c]
+                for j in range(i, 6):
+                    H[i, j] += wj * J[c, j]
+        H_parts[chunk], b_parts[chunk], total_parts[chunk] = H, b, total
+    H, b, total = np.zeros((6, 6)), np.zeros(6), 0.0
+    for chunk in range(CHUNKS):
+        H += H_parts[chunk]
+        b += b_parts[chunk]
+        total += total_parts[chunk]
+    for i in range(6):
+        for j in range(i):
+            H[i, j] = H[j, i]
+    return H, b, total
