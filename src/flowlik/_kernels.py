@@ -3,61 +3,60 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
+from numpy.typing import NDArray
 
 from flowlik.camera import Array
 
 
-@njit(cache=True, parallel=True)
-def box_products(gx, gy, window):  # type: ignore[no-untyped-def]
-    """Mean over a window of gradient products; gx, gy int16 padded by window // 2 and scaled by 32."""
-    height, width = gx.shape[0] - window + 1, gx.shape[1] - window + 1
+@njit(cache=True, nogil=True)
+def box_products(gx, gy, window, first, last, S):  # type: ignore[no-untyped-def]
+    """Mean over a window of gradient products, rows first to last of S (H, W, 3).
+
+    gx, gy are int16, padded by window // 2, 32 times the derivative. Sums run along columns and rows in
+    integers, so that they are exact.
+    """
+    width = gx.shape[1] - window + 1
     scale = 1.0 / (window * window * 32.0 * 32.0)
-    S = np.empty((height, width, 3))
-    strips = 16
-    for strip in prange(strips):
-        first, last = strip * height // strips, (strip + 1) * height // strips
-        if first == last:
-            continue
-        columns = np.zeros((gx.shape[1], 3), np.int64)
-        for v in range(first, first + window):
-            for u in range(gx.shape[1]):
-                a, b = np.int64(gx[v, u]), np.int64(gy[v, u])
-                columns[u, 0] += a * a
-                columns[u, 1] += a * b
-                columns[u, 2] += b * b
-        for v in range(first, last):
-            xx, xy, yy = np.int64(0), np.int64(0), np.int64(0)
-            for u in range(window - 1):
-                xx += columns[u, 0]
-                xy += columns[u, 1]
-                yy += columns[u, 2]
-            for u in range(width):
-                xx += columns[u + window - 1, 0]
-                xy += columns[u + window - 1, 1]
-                yy += columns[u + window - 1, 2]
-                S[v, u, 0] = xx * scale
-                S[v, u, 1] = xy * scale
-                S[v, u, 2] = yy * scale
-                xx -= columns[u, 0]
-                xy -= columns[u, 1]
-                yy -= columns[u, 2]
-            if v + 1 < last:
-                for u in range(gx.shape[1]):
-                    a, b = np.int64(gx[v + window, u]), np.int64(gy[v + window, u])
-                    c, d = np.int64(gx[v, u]), np.int64(gy[v, u])
-                    columns[u, 0] += a * a - c * c
-                    columns[u, 1] += a * b - c * d
-                    columns[u, 2] += b * b - d * d
-    return S
+    columns = np.zeros((gx.shape[1], 3), np.int64)
+    for v in range(first, first + window - 1):
+        for u in range(gx.shape[1]):
+            a, b = np.int64(gx[v, u]), np.int64(gy[v, u])
+            columns[u, 0] += a * a
+            columns[u, 1] += a * b
+            columns[u, 2] += b * b
+    for v in range(first, last):
+        for u in range(gx.shape[1]):
+            a, b = np.int64(gx[v + window - 1, u]), np.int64(gy[v + window - 1, u])
+            columns[u, 0] += a * a
+            columns[u, 1] += a * b
+            columns[u, 2] += b * b
+        xx, xy, yy = np.int64(0), np.int64(0), np.int64(0)
+        for u in range(window - 1):
+            xx += columns[u, 0]
+            xy += columns[u, 1]
+            yy += columns[u, 2]
+        for u in range(width):
+            xx += columns[u + window - 1, 0]
+            xy += columns[u + window - 1, 1]
+            yy += columns[u + window - 1, 2]
+            S[v, u, 0] = xx * scale
+            S[v, u, 1] = xy * scale
+            S[v, u, 2] = yy * scale
+            xx -= columns[u, 0]
+            xy -= columns[u, 1]
+            yy -= columns[u, 2]
+        for u in range(gx.shape[1]):
+            c, d = np.int64(gx[v, u]), np.int64(gy[v, u])
+            columns[u, 0] -= c * c
+            columns[u, 1] -= c * d
+            columns[u, 2] -= d * d
 
 
-@njit(cache=True, parallel=True)
-def eigen_2x2(S):  # type: ignore[no-untyped-def]
-    """Eigenvalues (N, 2), larger first, and rotations (N, 2, 2) of symmetric (xx, xy, yy) (N, 3)."""
-    n = S.shape[0]
-    t, R = np.empty((n, 2)), np.empty((n, 2, 2))
-    for i in prange(n):
+@njit(cache=True, nogil=True)
+def eigen_2x2(S, first, last, t, R):  # type: ignore[no-untyped-def]
+    """Eigenvalues t (N, 2), larger first, and rotations R (N, 2, 2) of rows of S (N, 3) = (xx, xy, yy)."""
+    for i in range(first, last):
         xx, xy, yy = S[i, 0], S[i, 1], S[i, 2]
         half = 0.5 * (xx - yy)
         r = np.sqrt(half * half + xy * xy)
@@ -74,11 +73,10 @@ def eigen_2x2(S):  # type: ignore[no-untyped-def]
         t[i, 0] = larger
         t[i, 1] = min(max((xx * yy - xy * xy) / larger, 0.0), larger) if larger > 0 else 0.0
         R[i, 0, 0], R[i, 0, 1], R[i, 1, 0], R[i, 1, 1] = c, -s, s, c
-    return t, R
 
 
 @njit(cache=True)
-def bilinear(S: Array, pixels: Array) -> Array:
+def bilinear(S: NDArray[np.floating], pixels: Array) -> Array:
     """Sample channels (H, W, C) at pixels (N, 2), clamped to the outermost pixel centres."""
     height, width, channels = S.shape
     out = np.empty((len(pixels), channels))

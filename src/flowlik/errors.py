@@ -9,6 +9,10 @@ class DataError(FlowlikError):
     """An input (image, flow, depth, pose, file) is missing, unreadable, or of the wrong shape."""
 
 
+class MissingFieldError(DataError):
+    """A data set does not have the field asked for, such as poses or depth."""
+
+
 class ModelError(FlowlikError):
     """A likelihood file is invalid, or was made for another flow method or texture definition."""
 

@@ -110,11 +110,17 @@ class FlowLikelihood:
         if confidence not in self._bounds:
             theta = self.schedule.theta(self._nodes)
             self._bounds[confidence] = self.family.magnitude_ppf(confidence, theta)
-        return np.asarray(np.interp(x, self._nodes, self._bounds[confidence]))
+        return self._interpolate(x, self._bounds[confidence])
 
     def fisher(self, x: Array | float) -> Array:
         """Fisher information [1/px^2] of one component at x, ``E[(d ln p / dz)^2]`` by quadrature."""
-        return np.asarray(np.interp(x, self._nodes, self._fisher))
+        return self._interpolate(x, self._fisher)
+
+    def _interpolate(self, x: Array | float, values: Array) -> Array:
+        """Values at x, given at the nodes."""
+        flat = np.asarray(x, dtype=np.float64)
+        step = self._nodes[1] - self._nodes[0]
+        return tables.interpolate(flat.ravel(), self._nodes[0], step, values).reshape(flat.shape)
 
     @cached_property
     def compiled(self) -> tables.LikelihoodTables:

@@ -116,9 +116,7 @@ def attach_texture(
     known = np.asarray(np.isfinite(flow).all(axis=1))
     pixels, flow = np.asarray(pixels[known], np.float64), np.asarray(flow[known], np.float64)
     t, R_i_e = eigenbasis(sample_tensor(structure_tensor(previous, texture), pixels))
-    return Measurements(
-        pixels, flow, R_i_e, {"texture": t}, texture, describe(method), int(np.sum(~known))
-    )
+    return Measurements(pixels, flow, R_i_e, {"texture": t}, texture, describe(method), int(np.sum(~known)))
 
 
 def stratified_pixels(shape: tuple[int, int], count: int, rng: np.random.Generator, margin: int = 2) -> Array:

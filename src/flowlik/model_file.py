@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from flowlik.errors import FlowlikError, ModelError
 from flowlik.families import error_family
@@ -23,7 +23,7 @@ class _Strict(BaseModel):
 
 class _Term(_Strict):
     covariate: str
-    floor: float
+    floor: float = Field(gt=0)
     weight: float
 
 
@@ -43,7 +43,7 @@ class ModelFile(_Strict):
     schema_version: Literal[1] = 1
     family: str
     interpolation: Literal["parameter"] = "parameter"
-    index: list[_Term]
+    index: list[_Term] = Field(min_length=1)
     knots: list[float]
     table: dict[str, list[float]]
     texture: _Texture

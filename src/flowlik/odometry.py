@@ -14,7 +14,7 @@ from flowlik.datasets.base import Sequence
 from flowlik.egomotion import EgoMotion, Epipolar, Estimator, KnownDepth, Residual, Status
 from flowlik.egomotion.result import unsolved
 from flowlik.errors import DataError
-from flowlik.flow.base import DenseFlow, FlowMethod, Image
+from flowlik.flow.base import DenseFlow, FlowMethod, Image, check_pair
 from flowlik.measurements import Measurements, measure, stratified_pixels
 from flowlik.texture import TextureDefinition
 
@@ -98,11 +98,14 @@ class Odometry:
         DataError
             If the image does not fit the camera, or time does not advance.
         """
-        if image.shape != (self.camera.height, self.camera.width):
-            size = f"{self.camera.width}x{self.camera.height}"
-            raise DataError(f"image of {image.shape[1]}x{image.shape[0]} for a camera of {size}")
-        if self.timestamps and timestamp <= self.timestamps[-1]:
-            raise DataError(f"time does not advance: {timestamp} s after {self.timestamps[-1]} s")
+        check_pair(image, image)
+        size = f"{self.camera.width}x{self.camera.height}"
+        for name, array in (("image", image), ("depth map", image if depth is None else depth)):
+            if array.shape != (self.camera.height, self.camera.width):
+                raise DataError(f"{name} of {array.shape[1]}x{array.shape[0]} for a camera of {size}")
+        last = self.timestamps[-1] if self.timestamps else -np.inf
+        if not last < timestamp < np.inf:
+            raise DataError(f"time does not advance: {timestamp} s after {last} s")
         previous, known_depth = self._image, self._depth
         self._image, self._depth = image, depth
         self.timestamps.append(timestamp)
@@ -117,7 +120,7 @@ class Odometry:
         )
         motion = self.estimator.estimate(residual, seed=np.random.default_rng([self.seed, k]))
         if not motion.solved:
-            motion = replace(motion, T_k_prev=self._previous_motion)
+            motion = replace(motion, T_k_prev=self._previous_motion, information=np.zeros((6, 6)))
         elif not motion.scale_known and distance_m is not None:
             motion = replace(motion, T_k_prev=scaled(motion.T_k_prev, distance_m), scale_known=True)
         self._previous_motion = motion.T_k_prev

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 from flowlik.camera import Array
@@ -21,7 +21,6 @@ FIRST_BITS = (127 - 14) << 23
 OCTAVES = 24
 Z_NODES = OCTAVES * STEPS_PER_OCTAVE + 1
 X_NODES = 257
-CHUNKS = 8  # fixed, so that sums do not depend on the number of threads
 
 
 class LikelihoodTables(NamedTuple):
@@ -57,6 +56,17 @@ def compile_tables(
     )
 
 
+@njit(cache=True, nogil=True)
+def interpolate(x, first, step, values):  # type: ignore[no-untyped-def]
+    """Linear interpolation at x (C,) of values at evenly spaced nodes, clamped to the outer ones."""
+    out = np.empty(len(x))
+    for c in range(len(x)):
+        position = min(max((x[c] - first) / step, 0.0), len(values) - 1.0)
+        i = min(int(position), len(values) - 2)
+        out[c] = values[i] + (position - i) * (values[i + 1] - values[i])
+    return out
+
+
 @njit(cache=True, inline="always")
 def magnitude_position(magnitude):  # type: ignore[no-untyped-def]
     """Bin of abs(z) and the fraction within it; clamped to the outer bins."""
@@ -80,32 +90,24 @@ def look_up(table, row, magnitude):  # type: ignore[no-untyped-def]
     return (1 - a) * below + a * above
 
 
-@njit(cache=True, parallel=True)
-def normal_equations(z, J, rows, used, log_prob, weight):  # type: ignore[no-untyped-def]
-    """Weighted normal equations of components: H = sum w J^T J, b = -sum w z J, and sum of log_prob.
+@njit(cache=True, nogil=True)
+def normal_equations(z, J, rows, fisher, used, log_prob, weight):  # type: ignore[no-untyped-def]
+    """Fisher scoring of components: H = sum fisher J^T J, b = -sum w z J, and the sum of log_prob.
 
-    z, rows, used are (C,), J is (C, 6); components with ``used`` 0 are left out.
+    b is the gradient of the log-likelihood, since w = -score / z. z, rows, fisher, used are (C,), J is
+    (C, 6); components with ``used`` 0 are left out.
     """
-    H_parts, b_parts, total_parts = np.zeros((CHUNKS, 6, 6)), np.zeros((CHUNKS, 6)), np.zeros(CHUNKS)
-    n = len(z)
-    for chunk in prange(CHUNKS):
-        H, b, total = np.zeros((6, 6)), np.zeros(6), 0.0
-        for c in range(chunk * n // CHUNKS, (chunk + 1) * n // CHUNKS):
-            if used[c] == 0:
-                continue
-            w = look_up(weight, rows[c], abs(z[c]))
-            total += look_up(log_prob, rows[c], abs(z[c]))
-            for i in range(6):
-                wj = w * J[c, i]
-                b[i] -= wj * z[c]
-                for j in range(i, 6):
-                    H[i, j] += wj * J[c, j]
-        H_parts[chunk], b_parts[chunk], total_parts[chunk] = H, b, total
     H, b, total = np.zeros((6, 6)), np.zeros(6), 0.0
-    for chunk in range(CHUNKS):
-        H += H_parts[chunk]
-        b += b_parts[chunk]
-        total += total_parts[chunk]
+    for c in range(len(z)):
+        if used[c] == 0:
+            continue
+        w = look_up(weight, rows[c], abs(z[c]))
+        total += look_up(log_prob, rows[c], abs(z[c]))
+        for i in range(6):
+            b[i] -= w * z[c] * J[c, i]
+            fj = fisher[c] * J[c, i]
+            for j in range(i, 6):
+                H[i, j] += fj * J[c, j]
     for i in range(6):
         for j in range(i):
             H[i, j] = H[j, i]

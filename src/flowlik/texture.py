@@ -11,6 +11,10 @@ from numpy.typing import NDArray
 from flowlik import _kernels
 from flowlik.camera import Array
 from flowlik.errors import DataError
+from flowlik.threads import in_bands
+
+ROWS = 90
+TENSORS = 60_000
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,11 @@ def structure_tensor(image: NDArray[np.uint8], definition: TextureDefinition | N
         )
         for dx, dy in ((1, 0), (0, 1))
     )
-    return _kernels.box_products(gx, gy, definition.window)
+    S = np.empty((*image.shape, 3))
+    in_bands(
+        lambda first, last: _kernels.box_products(gx, gy, definition.window, first, last, S), len(S), ROWS
+    )
+    return S
 
 
 def eigenbasis(S: Array) -> tuple[Array, Array]:
@@ -83,7 +91,8 @@ def eigenbasis(S: Array) -> tuple[Array, Array]:
         Rotation whose columns are e1, e2 in {i}; the identity where S is isotropic.
     """
     flat = np.ascontiguousarray(S, dtype=np.float64).reshape(-1, 3)
-    t, R_i_e = _kernels.eigen_2x2(flat)
+    t, R_i_e = np.empty((len(flat), 2)), np.empty((len(flat), 2, 2))
+    in_bands(lambda first, last: _kernels.eigen_2x2(flat, first, last, t, R_i_e), len(flat), TENSORS)
     return t.reshape(*S.shape[:-1], 2), R_i_e.reshape(*S.shape[:-1], 2, 2)
 
 

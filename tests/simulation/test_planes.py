@@ -1,4 +1,3 @@
-import numba
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -58,7 +57,7 @@ def test_pixel_bounds_hold_every_visible_point(camera: Pinhole) -> None:
 def test_same_bytes_for_any_number_of_threads(camera: Pinhole, monkeypatch: pytest.MonkeyPatch) -> None:
     frames = []
     for threads in (1, 2, 3):
-        monkeypatch.setattr(numba.config, "NUMBA_NUM_THREADS", threads)
+        monkeypatch.setattr("flowlik.threads.THREADS", threads)
         frames.append(PlanesWorld().render(TILTED, camera))
     assert len({frame.radiance.tobytes() for frame in frames}) == 1
     assert len({frame.depth.tobytes() for frame in frames}) == 1

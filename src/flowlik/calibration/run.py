@@ -24,7 +24,7 @@ from flowlik.measurements import Measurements, measure, stratified_pixels
 from flowlik.schedule import Index
 from flowlik.texture import TextureDefinition
 
-GRID_PIXELS = 3000
+GRID_PIXELS = 5000
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from functools import reduce
@@ -197,8 +196,9 @@ class ErrorSketch:
                 )  # fmt: skip
         except OSError as error:
             raise DataError(f"{path}: cannot read the sketch ({error.strerror or error})") from None
-        except (ValueError, KeyError, TypeError, zipfile.BadZipFile, EOFError) as error:
-            raise DataError(f"{path}: not a flowlik sketch ({error})") from None
+        except Exception as error:  # zip, zlib and numpy's parser of headers raise a dozen kinds
+            reason = " ".join(str(error).split())
+            raise DataError(f"{path}: not a flowlik sketch ({reason})") from None
         if sketch.counts.shape != (X_BINS, 2, Z_BINS) or sketch.counts.dtype != np.int64:
             raise DataError(f"{path}: a sketch with other bins, {sketch.counts.shape}; sketch the data again")
         return sketch

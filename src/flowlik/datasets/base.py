@@ -13,7 +13,7 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.camera import Pinhole
 from flowlik.datasets._truncation import is_whole
-from flowlik.errors import DataError
+from flowlik.errors import DataError, MissingFieldError
 
 
 class Sequence(Protocol):
@@ -58,9 +58,9 @@ class Sequence(Protocol):
         ...
 
 
-def lacks(name: str, field: str) -> DataError:
+def lacks(name: str, field: str) -> MissingFieldError:
     """Make the one error for a field that a data set does not have."""
-    return DataError(f"{name}: this data set has no {field}")
+    return MissingFieldError(f"{name}: this data set has no {field}")
 
 
 def read_grey(path: Path | str) -> NDArray[np.uint8]:

@@ -6,7 +6,7 @@ Motions are (3, 4) matrices [R | t]. Cameras are (fx, fy, cx, cy).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 NEWTON_STEPS = 10
 NEWTON_TOLERANCE_PX = 1e-6
@@ -51,13 +51,13 @@ def _depth_rows(T, direction, rho, end, camera, J):  # type: ignore[no-untyped-d
     return end[0] - (fx * xn + cx), end[1] - (fy * yn + cy), True
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, nogil=True)
 def linearise_depth(T, directions, rho, ends, R_i_e, camera):  # type: ignore[no-untyped-def]
     """Eigenbasis errors (2N,) [px] and Jacobian (2N, 6); NaN errors behind the camera."""
     n = len(rho)
     z, J = np.empty(2 * n), np.zeros((2 * n, 6))
-    for i in prange(n):
-        rows = np.empty((2, 6))
+    rows = np.empty((2, 6))
+    for i in range(n):
         u, v, valid = _depth_rows(T, directions[i], rho[i], ends[i], camera, rows)
         if not valid:
             z[2 * i] = z[2 * i + 1] = np.nan
@@ -70,15 +70,14 @@ def linearise_depth(T, directions, rho, ends, R_i_e, camera):  # type: ignore[no
     return z, J
 
 
-@njit(cache=True, parallel=True)
-def score_depth(hypotheses, directions, rho, ends, R_i_e, camera, bounds, by_vector):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def score_depth(hypotheses, directions, rho, ends, R_i_e, camera, bounds, by_vector, first, last, counts):  # type: ignore[no-untyped-def]
     """Inliers of each hypothesis (K, 3, 4): components within bounds (N, 2), or vectors within bounds[:, 0].
 
-    A negative bound leaves a component out.
+    A negative bound leaves a component out. Hypotheses first to last are counted.
     """
     fx, fy, cx, cy = camera
-    counts = np.zeros(len(hypotheses), np.int64)
-    for k in prange(len(hypotheses)):
+    for k in range(first, last):
         T, count = hypotheses[k], 0
         for i in range(len(rho)):
             x, y, z = _point(T, directions[i], rho[i])
@@ -100,7 +99,6 @@ def score_depth(hypotheses, directions, rho, ends, R_i_e, camera, bounds, by_vec
                 count += abs(z1) <= b1
                 count += abs(z2) <= b2
         counts[k] = count
-    return counts
 
 
 @njit(cache=True)
@@ -129,17 +127,17 @@ def _solve6(A, b):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, nogil=True)
 def three_point_motions(samples, start, directions, rho, ends, camera):  # type: ignore[no-untyped-def]
-    """Motions (K, 3, 4) through three points each (K, 3), by Newton's method from `start`; and which converged.
+    """Motions (K, 3, 4) through three points each, by Newton's method from `start`; and which converged.
 
     Three flow vectors of known depth are six equations in six unknowns; flow is small by nature, so that
     the solution near `start` is the one wanted.
     """
     motions, converged = np.empty((len(samples), 3, 4)), np.zeros(len(samples), np.bool_)
-    for k in prange(len(samples)):
+    A, b, J = np.empty((6, 6)), np.empty(6), np.empty((2, 6))
+    for k in range(len(samples)):
         T = start.copy()
-        A, b, J = np.empty((6, 6)), np.empty(6), np.empty((2, 6))
         for _ in range(NEWTON_STEPS):
             worst, valid = 0.0, True
             for s in range(3):
@@ -161,14 +159,14 @@ def three_point_motions(samples, start, directions, rho, ends, camera):  # type:
     return motions, converged
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, nogil=True)
 def linearise_epipolar(T, rays, ends, focal):  # type: ignore[no-untyped-def]
     """Epipolar errors (N,) [px], line normals (N, 2) in {i} and Jacobian (N, 6); rays scaled to z = 1."""
     n = len(rays)
     fx, fy = focal
     z, normal, J = np.empty(n), np.empty((n, 2)), np.empty((n, 6))
     t0, t1, t2 = T[0, 3], T[1, 3], T[2, 3]
-    for i in prange(n):
+    for i in range(n):
         a0, a1, a2 = _point(T, rays[i], 0.0)
         l0, l1, l2 = t1 * a2 - t2 * a1, t2 * a0 - t0 * a2, t0 * a1 - t1 * a0
         s0, s1 = l0 / fx, l1 / fy
@@ -189,13 +187,12 @@ def linearise_epipolar(T, rays, ends, focal):  # type: ignore[no-untyped-def]
     return z, normal, J
 
 
-@njit(cache=True, parallel=True)
-def score_epipolar(essentials, rays, ends, focal, bounds):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def score_epipolar(essentials, rays, ends, focal, bounds, first, last, counts):  # type: ignore[no-untyped-def]
     """Inliers of each essential matrix (K, 3, 3); bounds (N, A) over the normal's pseudo-angle."""
     fx, fy = focal
-    last = bounds.shape[1] - 1
-    counts = np.zeros(len(essentials), np.int64)
-    for k in prange(len(essentials)):
+    nodes = bounds.shape[1] - 1
+    for k in range(first, last):
         E, count = essentials[k], 0
         for i in range(len(rays)):
             r0, r1, r2 = rays[i, 0], rays[i, 1], rays[i, 2]
@@ -209,9 +206,8 @@ def score_epipolar(essentials, rays, ends, focal, bounds):  # type: ignore[no-un
             d = l0 * ends[i, 0] + l1 * ends[i, 1] + l2 * ends[i, 2]
             # pseudo-angle of +-n: 0 at -v, 1/2 at u, 1 at +v
             p = 0.5 + 0.5 * (s1 if s0 >= 0 else -s1) / (abs(s0) + abs(s1))
-            position = p * last
-            j = min(int(position), last - 1)
+            position = p * nodes
+            j = min(int(position), nodes - 1)
             b = bounds[i, j] + (position - j) * (bounds[i, j + 1] - bounds[i, j])
             count += b >= 0 and d * d <= b * b * square
         counts[k] = count
-    return counts

@@ -17,11 +17,12 @@ from flowlik.tables import normal_equations
 
 BATCH = 50
 REFINEMENTS = 5
-IRLS_STEPS = 30
+STEPS = 30
 INFORMATIVE_PX = 1.0
 LEAST_RECIPROCAL_CONDITION = 1e-9
-CONVERGED_NAT = 1e-7
-HALVINGS = 6
+# a step that gains less is a few hundredths of a standard deviation
+CONVERGED_NAT = 1e-3
+HALVINGS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +90,7 @@ class Estimator:
             return unsolved(Status.TOO_FEW, f"{n} flow vectors, {residual.minimal} needed", excluded)
         if residual.still():
             return unsolved(Status.STILL, "the flow is zero", excluded)
-        begin = (start or RigidTransform.identity()).as_matrix()[:3]
+        begin = (RigidTransform.identity() if start is None else start).as_matrix()[:3]
         hypothesis, drawn = self._consensus(residual, kept, begin, np.random.default_rng(seed))
         if hypothesis is None:
             return unsolved(Status.DEGENERATE, "no minimal sample has a solution", excluded)
@@ -98,9 +99,10 @@ class Estimator:
         T, ambiguous = residual.motion(hypothesis, lambda T: self._inliers(residual, T, used))
         T, log_prob = self._refine(residual, T, used)
         inliers = self._inliers(residual, T, used)
-        _, J, x = residual.linearise(T, self.likelihood.schedule.index)
+        _, J = residual.linearise(T)
+        x = residual.coordinates(T, self.likelihood.schedule.index)
         final = used if self.refine_all else inliers
-        information = np.einsum("c,ci,cj->ij", self.likelihood.fisher(x[final]), J[final], J[final])
+        information = J[final].T @ (self.likelihood.fisher(x[final])[:, None] * J[final])
         status, reason = _conditioned(residual.basis(T), information)
         if status is Status.SOLVED and ambiguous:
             status, reason = Status.AMBIGUOUS, "two motions have nearly as many points in front of the camera"
@@ -128,8 +130,9 @@ class Estimator:
 
     def _inliers(self, residual: Residual, T: Array, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Components (C,) of `used` that are inliers of a motion, or belong to inlier vectors."""
-        z, _, x = residual.linearise(T, self.likelihood.schedule.index)
+        z, _ = residual.linearise(T)
         if self.radius_px is None:
+            x = residual.coordinates(T, self.likelihood.schedule.index)
             return used & (np.abs(z) <= self._bound(x))
         length = np.linalg.norm(np.where(used, z, 0.0).reshape(len(residual), -1), axis=1)
         return used & np.repeat(length <= self.radius_px, residual.components_per_vector)
@@ -166,34 +169,34 @@ class Estimator:
 
     def _refine(self, residual: Residual, T: Array, used: NDArray[np.bool_]) -> tuple[Array, float]:
         """Maximise the likelihood over inliers, chosen anew until they settle, then over all if asked."""
-        chosen = self._inliers(residual, T, used)
         log_prob = -np.inf
         for _ in range(REFINEMENTS):
-            T, log_prob = self._maximise(residual, T, chosen)
-            again = self._inliers(residual, T, used)
-            if np.array_equal(again, chosen):
+            before = T
+            T, log_prob = self._maximise(residual, T, self._inliers(residual, T, used))
+            if T is before:
                 break
-            chosen = again
         return self._maximise(residual, T, used) if self.refine_all else (T, log_prob)
 
     def _maximise(self, residual: Residual, T: Array, chosen: NDArray[np.bool_]) -> tuple[Array, float]:
-        """Iteratively reweighted Gauss-Newton over chosen components; coordinates x are held meanwhile."""
-        index, tables = self.likelihood.schedule.index, self.likelihood.compiled
-        z, J, x = residual.linearise(T, index)
-        rows = tables.rows(x)
+        """Fisher scoring over chosen components; their coordinates x are held meanwhile."""
+        tables = self.likelihood.compiled
+        x = residual.coordinates(T, self.likelihood.schedule.index)
+        rows, fisher = tables.rows(x), self.likelihood.fisher(x)
 
-        def equations(z: Array, J: Array) -> tuple[Array, Array, float]:
-            return normal_equations(z, J, rows, chosen & np.isfinite(z), tables.log_prob, tables.weight)
+        def equations(T: Array) -> tuple[Array, Array, float]:
+            z, J = residual.linearise(T)
+            usable = chosen & np.isfinite(z)
+            return normal_equations(z, J, rows, fisher, usable, tables.log_prob, tables.weight)
 
-        H, b, log_prob = equations(z, J)
-        for _ in range(IRLS_STEPS):
+        H, b, log_prob = equations(T)
+        for _ in range(STEPS):
             B = residual.basis(T)
             step = B @ np.linalg.lstsq(B.T @ H @ B, B.T @ b, rcond=1e-14)[0]
             if b @ step < CONVERGED_NAT:
                 break
             for _ in range(HALVINGS):
                 candidate = residual.normalise(_kernels.retract(T, step))
-                H_new, b_new, log_prob_new = equations(*residual.linearise(candidate, index)[:2])
+                H_new, b_new, log_prob_new = equations(candidate)
                 if log_prob_new > log_prob:
                     break
                 step = 0.5 * step

@@ -16,8 +16,10 @@ from flowlik.errors import DataError
 from flowlik.measurements import Measurements
 from flowlik.motion import decompose_essential, in_front
 from flowlik.schedule import Index
+from flowlik.threads import in_bands
 
 ANGLES = 17
+SCORED_TOGETHER = 25
 STILL_PX = 0.1
 AMBIGUOUS_SHARE = 0.9
 
@@ -49,8 +51,12 @@ class Residual(Protocol):
         """Return the number of flow vectors."""
         ...
 
-    def linearise(self, T: Array, index: Index) -> tuple[Array, Array, Array]:
-        """Errors z (C,) [px], their Jacobian (C, 6) and schedule coordinates x (C,) at a motion."""
+    def linearise(self, T: Array) -> tuple[Array, Array]:
+        """Errors z (C,) [px] and their Jacobian (C, 6) at a motion; NaN errors where there is no image."""
+        ...
+
+    def coordinates(self, T: Array, index: Index) -> Array:
+        """Schedule coordinates x (C,) of the errors at a motion."""
         ...
 
     def basis(self, T: Array) -> Array:
@@ -137,10 +143,13 @@ class KnownDepth:
         """Return the number of flow vectors."""
         return len(self.rho)
 
-    def linearise(self, T: Array, index: Index) -> tuple[Array, Array, Array]:
-        """Errors z (2N,) [px], Jacobian (2N, 6) and coordinates x (2N,)."""
-        z, J = _kernels.linearise_depth(T, *self._points, self._camera)
-        return z, J, index.of(self.measurements.covariates).ravel()
+    def linearise(self, T: Array) -> tuple[Array, Array]:
+        """Errors z (2N,) [px] and Jacobian (2N, 6); NaN errors behind the camera."""
+        return _kernels.linearise_depth(T, *self._points, self._camera)
+
+    def coordinates(self, T: Array, index: Index) -> Array:
+        """Coordinates x (2N,), the same at every motion."""
+        return index.of(self.measurements.covariates).ravel()
 
     def basis(self, T: Array) -> Array:
         """All six directions are observable."""
@@ -158,7 +167,8 @@ class KnownDepth:
 
     def score(self, hypotheses: Array, bounds: Array, by_vector: bool) -> NDArray[np.int64]:
         """Inlier components, or vectors, of each motion."""
-        return _kernels.score_depth(hypotheses, *self._points, self._camera, bounds, by_vector)
+        inputs = (hypotheses, *self._points, self._camera, bounds, by_vector)
+        return _count(_kernels.score_depth, inputs, len(hypotheses))
 
     def motion(self, hypothesis: Array, inliers_of: InliersOf) -> tuple[Array, bool]:
         """Return the hypothesis, which is a motion."""
@@ -209,17 +219,25 @@ class Epipolar:
         """Return the number of flow vectors."""
         return len(self.measurements)
 
-    def linearise(self, T: Array, index: Index) -> tuple[Array, Array, Array]:
-        """Distances z (N,) [px], Jacobian (N, 6) and coordinates x (N,) along the lines' normals."""
-        z, normal, J = _kernels.linearise_epipolar(T, *self._rays, self._focal)
-        return z, J, index.along(self.measurements, normal)
+    def linearise(self, T: Array) -> tuple[Array, Array]:
+        """Distances z (N,) [px] and Jacobian (N, 6); NaN at the epipole."""
+        z, _, J = _kernels.linearise_epipolar(T, *self._rays, self._focal)
+        return z, J
+
+    def coordinates(self, T: Array, index: Index) -> Array:
+        """Coordinates x (N,) along the normals of the epipolar lines."""
+        _, normal, _ = _kernels.linearise_epipolar(T, *self._rays, self._focal)
+        return index.along(self.measurements, normal)
 
     def basis(self, T: Array) -> Array:
         """Rotation, and translation orthogonal to its direction: (6, 5)."""
         t = T[:, 3] / np.linalg.norm(T[:, 3])
         basis = np.zeros((6, 5))
         basis[:3, :3] = np.eye(3)
-        basis[3:, 3:] = np.linalg.svd(t[None])[2][1:].T
+        # a reflection that takes the smallest axis to t takes the other two to a basis of its plane
+        mirror = t - np.eye(3)[(axis := int(np.abs(t).argmin()))]
+        plane = np.eye(3) - 2 * np.outer(mirror, mirror) / (mirror @ mirror)
+        basis[3:, 3:] = np.delete(plane, axis, axis=1)
         return basis
 
     def propose(self, samples: NDArray[np.intp], start: Array) -> Array:
@@ -238,7 +256,8 @@ class Epipolar:
 
     def score(self, hypotheses: Array, bounds: Array, by_vector: bool) -> NDArray[np.int64]:
         """Inlier components of each essential matrix; a vector has one."""
-        return _kernels.score_epipolar(hypotheses, *self._rays, self._focal, bounds)
+        inputs = (hypotheses, *self._rays, self._focal, bounds)
+        return _count(_kernels.score_epipolar, inputs, len(hypotheses))
 
     def motion(self, hypothesis: Array, inliers_of: InliersOf) -> tuple[Array, bool]:
         """Of an essential matrix's four motions, the one with most inliers in front of both cameras.
@@ -262,6 +281,12 @@ class Epipolar:
     def normalise(self, T: Array) -> Array:
         """Return the motion with a translation of unit length."""
         return np.column_stack([T[:, :3], T[:, 3] / np.linalg.norm(T[:, 3])])
+
+
+def _count(kernel: Callable[..., None], inputs: tuple[Any, ...], hypotheses: int) -> NDArray[np.int64]:
+    counts = np.zeros(hypotheses, np.int64)
+    in_bands(lambda first, last: kernel(*inputs, first, last, counts), hypotheses, SCORED_TOGETHER)
+    return counts
 
 
 def five_point(first: Array, second: Array) -> Array:

@@ -119,14 +119,14 @@ def kolmogorov_smirnov(
         share_negative = negative.sum(axis=1, keepdims=True) / counts[:, None]
         at_minus = share_negative - np.cumsum(negative, axis=1) / counts[:, None] - 0.5 * (1 - predicted)
         at_plus = share_negative + np.cumsum(positive, axis=1) / counts[:, None] - 0.5 * (1 + predicted)
-    signed = np.maximum(np.abs(at_minus).max(axis=1), np.abs(at_plus).max(axis=1))
+    # the outermost bin also holds what lies beyond it
+    below, predicted, at_minus, at_plus = (a[:, :-1] for a in (below, predicted, at_minus, at_plus))
     frames = sketch.frames.reshape(levels, BINS_PER_LEVEL).max(axis=1)
     edges = x_edges()[::BINS_PER_LEVEL]
     return KolmogorovSmirnov(
         np.exp(0.5 * (edges[1:] + edges[:-1])),
-        # the outermost bin also holds what lies beyond it
-        np.abs(below - predicted)[:, :-1].max(axis=1),
-        signed,
+        np.abs(below - predicted).max(axis=1),
+        np.maximum(np.abs(at_minus).max(axis=1), np.abs(at_plus).max(axis=1)),
         counts.astype(np.int64),
         (counts >= least_components) & (frames >= least_frames),
     )

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -19,6 +17,7 @@ from flowlik.simulation.base import Frame
 from flowlik.simulation.paths import FREE_RADIUS_M, keep_free
 from flowlik.simulation.rectangles import Rectangles, box, distances_m, pixel_bounds, ray_equations
 from flowlik.simulation.textures import CONTRAST_MAPS, CONTRAST_PX, TILE_PX, TILES, make_textures
+from flowlik.threads import in_bands
 
 Array = NDArray[np.float64]
 
@@ -95,9 +94,11 @@ class PlanesWorld:
             CONTRAST_PX,
             textures.contrasts,
         )
-        bands = [(row, row + _ROWS_PER_BAND) for row in range(0, camera.height, _ROWS_PER_BAND)]
-        with ThreadPoolExecutor(int(numba.config.NUMBA_NUM_THREADS)) as threads:  # type: ignore[attr-defined]
-            list(threads.map(lambda rows: render_rectangles(rows, *inputs, radiance, depth), bands))
+        in_bands(
+            lambda first, last: render_rectangles((first, last), *inputs, radiance, depth),
+            camera.height,
+            _ROWS_PER_BAND,
+        )
         return Frame(radiance, depth)
 
     def clearance(self, positions: Array) -> Array:

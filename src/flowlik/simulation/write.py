@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flowlik.datasets.tartanair import encode_depth, encode_flow, encode_poses
 from flowlik.errors import DataError
+from flowlik.files import atomic_write
 from flowlik.simulation.sequence import SimulatedSequence
 
 
@@ -102,7 +103,5 @@ def _png(image: NDArray) -> bytes:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Write beside, then rename: a file that exists is complete."""
-    beside = path.with_name(path.name + ".part")
-    beside.write_bytes(content)
-    beside.replace(path)
+    with atomic_write(path, "wb") as file:
+        file.write(content)

@@ -1,0 +1,36 @@
+"""The typer application: every command registers itself here."""
+
+from __future__ import annotations
+
+import typer
+
+from flowlik.cli import calibrate, drift, evaluate, flow, odometry, report, reproduce, simulate
+
+app = typer.Typer(
+    name="flowlik",
+    help="Honest error distributions for optical flow: calibrate them, check them, use them.",
+    no_args_is_help=True,
+    add_completion=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for module in (reproduce, simulate, calibrate, evaluate, flow, odometry, drift, report):
+    app.command(name=module.__name__.rsplit(".", 1)[-1])(module.run)
+
+
+@app.callback(invoke_without_command=True)
+def version(
+    show: bool = typer.Option(
+        False, "--version", help="Show versions of what matters, and exit.", is_eager=True
+    ),
+) -> None:
+    """Honest error distributions for optical flow: calibrate them, check them, use them."""
+    if show:
+        from flowlik.runs import versions
+
+        typer.echo("  ".join(f"{name} {number}" for name, number in versions().items()))
+        raise typer.Exit
+
+
+__all__ = ["app"]

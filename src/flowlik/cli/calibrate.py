@@ -1,0 +1,30 @@
+"""`flowlik calibrate`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flowlik.cli.options import Format, Json, Out, Seed, command_line, show_run
+
+
+def run(
+    data: Annotated[list[Path], typer.Argument(help="Folders of sequences with true flow.")],
+    method: Annotated[str, typer.Option(help="Flow: farneback, farneback-wide or lucas-kanade.")],
+    out: Out,
+    family: Annotated[str, typer.Option(help="Family of the model: lcm, log-logistic or gaussian.")] = "lcm",
+    format: Format = None,
+    seed: Seed = 0,
+    json: Json = False,
+) -> None:
+    """Calibrate a flow method on data with truth: a model file and evidence of how well it fits.
+
+    Example: `flowlik calibrate data --method lucas-kanade --out calibration`
+    """
+    from flowlik.commands.calibrate import calibrate
+    from flowlik.progress import terminal_progress
+
+    result = calibrate(data, method, out, family, format, seed, command_line(), terminal_progress)
+    show_run(result, json)

@@ -1,0 +1,38 @@
+"""`flowlik odometry`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flowlik.cli.options import Format, Json, Method, Model, Out, Seed, command_line, show_run
+
+
+def run(
+    data: Annotated[Path, typer.Argument(help="Folder of a sequence.")],
+    out: Out,
+    model: Model = None,
+    method: Method = None,
+    estimator: Annotated[str, typer.Option(help="lcmsac, mle or ransac.")] = "lcmsac",
+    residual: Annotated[str | None, typer.Option(help="depth or epipolar; depth if the data has it.")] = None,
+    scale: Annotated[str, typer.Option(help="Without depth: none, or truth-norm.")] = "none",
+    gate: Annotated[float | None, typer.Option(help="Texture gate [intensity²/px²].")] = None,
+    frames: Annotated[int | None, typer.Option(min=2, help="Only the first so many frames.")] = None,
+    format: Format = None,
+    seed: Seed = 0,
+    json: Json = False,
+) -> None:
+    """Estimate the camera's trajectory, and its errors where the data set has poses.
+
+    Example: `flowlik odometry 03 --model run/models/lucas-kanade.json --scale truth-norm --out k03`
+    """
+    from flowlik.commands.odometry import odometry
+    from flowlik.progress import terminal_progress
+
+    result = odometry(
+        data, out, model, method, estimator, residual, scale, gate, frames, format, seed, command_line(),
+        terminal_progress,
+    )  # fmt: skip
+    show_run(result, json)

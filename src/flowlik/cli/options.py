@@ -1,0 +1,59 @@
+"""Options that several commands share, and what they print at the end."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flowlik.records import Record
+    from flowlik.runs import RunFolder
+
+Out = Annotated[Path, typer.Option("--out", "-o", help="Folder of the run: report, figures, metrics.")]
+Model = Annotated[Path | None, typer.Option("--model", "-m", help="Model file made by `flowlik calibrate`.")]
+Method = Annotated[
+    str | None, typer.Option("--method", help="Flow: farneback, farneback-wide or lucas-kanade.")
+]
+Format = Annotated[
+    str | None, typer.Option("--format", help="Data format: kitti or tartanair; guessed by default.")
+]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the metrics as JSON on standard output.")]
+
+
+def command_line() -> str:
+    """Return the command as it was typed."""
+    return shlex.join(["flowlik", *sys.argv[1:]])
+
+
+def show_run(run: RunFolder, as_json: bool) -> None:
+    """Print a run's records, its warnings and where its report is."""
+    for warning in run.warnings:
+        typer.echo(f"warning: {warning}", err=True)
+    show_records(run.records, as_json)
+    typer.echo(f"report: {run.path / 'report.html'}", err=True)
+
+
+def show_records(records: Sequence[Record], as_json: bool) -> None:
+    """Print records as JSON, or as a table with units."""
+    if as_json:
+        from dataclasses import asdict
+
+        typer.echo(json.dumps([asdict(record) for record in records], indent=1, ensure_ascii=False))
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    columns = ("dataset", "flow", "family", "estimator", "metric", "value", "unit")
+    table = Table(*columns, box=None, pad_edge=False)
+    for r in records:
+        value = "–" if r.value is None else f"{r.value:.5g}"
+        table.add_row(r.dataset, r.flow, r.family, r.estimator, r.metric, value, r.unit)
+    Console(width=None if sys.stdout.isatty() else 140).print(table)

@@ -1,0 +1,119 @@
+"""`flowlik calibrate`: data sets with truth to a likelihood with its evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from flowlik.calibration import (
+    ErrorSketch,
+    merge_all,
+    sketch_blocks,
+    split_blocks,
+)
+from flowlik.calibration import (
+    calibrate as fit_likelihood,
+)
+from flowlik.datasets import open_sequence
+from flowlik.evaluation import evidence
+from flowlik.evaluation.goodness import outside_range
+from flowlik.families import FAMILIES, error_family
+from flowlik.flow import flow_method
+from flowlik.flow.base import FlowMethod
+from flowlik.likelihood import FlowLikelihood
+from flowlik.model_file import save_likelihood
+from flowlik.progress import Progress, no_progress
+from flowlik.runs import RunFolder
+
+
+def calibrate(
+    data: Sequence[Path],
+    method: str,
+    out: Path,
+    family: str = "lcm",
+    format: str | None = None,
+    seed: int = 0,
+    command: str = "flowlik calibrate",
+    progress: Progress = no_progress,
+) -> RunFolder:
+    """Calibrate a flow method on sequences with true flow.
+
+    Parameters
+    ----------
+    data : sequence of Path
+        Folders of sequences.
+    method : str
+        Name of a flow method's preset.
+    out : Path
+        Run folder; the model is ``models/<method>.json``.
+    family : str
+        Family of the saved model; all are fitted, for comparison.
+    format : str, optional
+        Data format; guessed by default.
+    seed : int
+        Seed of pixels and reservoirs.
+    command : str
+        Command line that repeats the run.
+    progress : Progress
+        Told how far it is.
+
+    Returns
+    -------
+    RunFolder
+        With the records of the fit on the very data it was made from.
+    """
+    flow = flow_method(method)
+    error_family(family)
+    run = RunFolder(out, command, {"data": [str(d) for d in data], "method": method, "family": family}, seed)
+    sequences = [open_sequence(folder, format) for folder in data]
+    blocks = [block for sequence in sequences for block in split_blocks(sequence, seed)]
+    sketched = progress(sketch_blocks(blocks, (flow,)), f"errors of {method}", len(blocks))
+    sketches = [sketches[0] for sketches in sketched]
+    names = ", ".join(sequence.name for sequence in sequences)
+    models = fit_families(sketches, flow, {"data": names, "seed": seed})
+    add_evidence(run, sketches, models, names, label=method, seed=seed, split="calibration")
+    save_likelihood(models[family], run.path / "models" / f"{method}.json")
+    run.finish()
+    return run
+
+
+def fit_families(
+    sketches: Sequence[ErrorSketch], method: FlowMethod, provenance: dict[str, object]
+) -> dict[str, FlowLikelihood]:
+    """Likelihoods of every family on the same sketches, by name."""
+    return {
+        name: fit_likelihood(sketches, family, method, provenance=provenance)
+        for name, family in FAMILIES.items()
+    }
+
+
+def add_evidence(
+    run: RunFolder,
+    blocks: Sequence[ErrorSketch],
+    models: Mapping[str, FlowLikelihood],
+    dataset: str,
+    label: str,
+    seed: int | None,
+    least_components: int = 100_000,
+    least_frames: int = 30,
+    **keys: object,
+) -> None:
+    """Add to a run the records and figures of models on one population of errors.
+
+    The first model is the one drawn in detail.
+    """
+    merged = merge_all(blocks, blocks[0].index)
+    for model in models.values():
+        run.records += evidence.goodness_records(
+            blocks, model, dataset, seed, least_components, least_frames, **keys
+        )
+    main = next(iter(models.values()))
+    run.save("error-over-texture", label, evidence.error_over_texture(merged, main))
+    run.save("table", label, evidence.table(merged, main))
+    run.save("goodness", label, evidence.goodness(merged, models, least_components, least_frames))
+    run.save("coverage", label, evidence.reliability(merged, models))
+    shown = evidence.distributions(merged, main)
+    if len(shown["level_edges"]):
+        run.save("distributions", label, shown)
+    if message := evidence.outside_warning(outside_range(merged, main), dataset):
+        run.warn(message)

@@ -1,0 +1,57 @@
+"""`flowlik evaluate`: whether a model tells the truth on other data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from flowlik.calibration import sketch_blocks, split_blocks
+from flowlik.commands.calibrate import add_evidence
+from flowlik.datasets import open_sequence
+from flowlik.flow import flow_method
+from flowlik.model_file import load_likelihood
+from flowlik.progress import Progress, no_progress
+from flowlik.runs import RunFolder
+
+
+def evaluate(
+    model: Path,
+    data: Sequence[Path],
+    out: Path,
+    format: str | None = None,
+    seed: int = 0,
+    command: str = "flowlik evaluate",
+    progress: Progress = no_progress,
+) -> RunFolder:
+    """Evaluate a model on sequences with true flow: log score, K-S over texture, coverage.
+
+    Parameters
+    ----------
+    model : Path
+        Model file.
+    data : sequence of Path
+        Folders of sequences the model was not calibrated on.
+    out : Path
+        Run folder.
+    format : str, optional
+        Data format; guessed by default.
+    seed : int
+        Seed of pixels and of the bootstrap.
+    command : str
+        Command line that repeats the run.
+    progress : Progress
+        Told how far it is.
+    """
+    likelihood = load_likelihood(model)
+    method = flow_method(likelihood.method or {})
+    run = RunFolder(out, command, {"model": str(model), "data": [str(d) for d in data]}, seed)
+    for folder in data:
+        sequence = open_sequence(folder, format)
+        blocks = split_blocks(sequence, seed)
+        sketched = sketch_blocks(blocks, (method,), likelihood.schedule.index, likelihood.texture)
+        sketches = [s[0] for s in progress(sketched, f"errors on {sequence.name}", len(blocks))]
+        label = f"{method.name}-{sequence.name.replace('/', '-')}"
+        models = {likelihood.family.name: likelihood}
+        add_evidence(run, sketches, models, sequence.name, label, seed, 10_000, 1, split="evaluation")
+    run.finish()
+    return run

@@ -1,0 +1,169 @@
+"""`flowlik flow`: two images to a picture of how far each flow vector can be trusted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flowlik.camera import Array
+from flowlik.datasets.base import read_grey
+from flowlik.datasets.flow_files import read_flow
+from flowlik.errors import DataError
+from flowlik.evaluation.evidence import outside_warning
+from flowlik.files import atomic_write
+from flowlik.flow import flow_method
+from flowlik.flow.base import Image
+from flowlik.likelihood import FlowLikelihood
+from flowlik.measurements import Measurements, measure
+from flowlik.model_file import load_likelihood
+from flowlik.records import Record, protocol
+from flowlik.runs import RunFolder
+
+COVERAGES = (0.5, 0.68, 0.9, 0.95)
+
+
+def flow(
+    previous: Path,
+    current: Path,
+    model: Path,
+    out: Path,
+    truth: Path | None = None,
+    method: str | None = None,
+    confidence: float = 0.9,
+    command: str = "flowlik flow",
+) -> RunFolder:
+    """Measure the flow between two images and draw its uncertainty.
+
+    Parameters
+    ----------
+    previous, current : Path
+        Image files of one size.
+    model : Path
+        Model file; it names the flow method.
+    out : Path
+        Run folder: report, figure, and ``flow.npz`` with pixels, flow, half-widths and eigenbasis.
+    truth : Path, optional
+        True flow (.flo, KITTI PNG or .npy), to report coverage.
+    method : str, optional
+        May only confirm the model's method.
+    confidence : float
+        Of the intervals drawn.
+    command : str
+        Command line that repeats the run.
+
+    Raises
+    ------
+    DataError
+        If an image or flow cannot be read or sizes differ.
+    ModelError
+        If the model is for another method than the one given.
+    """
+    likelihood = load_likelihood(model)
+    chosen = model_method(likelihood, method)
+    image = read_grey(previous)
+    m = measure(image, read_grey(current), flow_method(chosen), likelihood.texture)
+    if not len(m):
+        raise DataError(f"{previous}: no flow vector could be measured (no texture?)")
+    true_flow = None if truth is None else _read_truth(truth, image.shape)
+    run = RunFolder(out, command, {"model": str(model), "confidence": confidence, "method": chosen})
+
+    x = likelihood.coordinate(m)
+    half_width = likelihood.bound(x, confidence)
+    run.records = _records(
+        m, likelihood, half_width, confidence, true_flow, f"{previous.name} to {current.name}"
+    )
+    if message := outside_warning(likelihood.schedule.outside(x), "this image"):
+        run.warn(message)
+    label = str(chosen["name"])
+    run.save("uncertainty", label, _picture(image, m, half_width, confidence))
+    with atomic_write(run.path / "flow.npz", "wb") as file:
+        np.savez_compressed(
+            file, pixels=m.pixels, flow_px=m.flow, half_width_px=half_width, R_i_e=m.R_i_e,
+            texture=m.covariates["texture"], confidence=confidence,
+        )  # fmt: skip
+    run.finish()
+    return run
+
+
+def model_method(likelihood: FlowLikelihood, method: str | None) -> dict[str, object]:
+    """Flow method of a model, which a name given beside it may only confirm."""
+    from flowlik.errors import ModelError
+    from flowlik.flow.base import describe
+
+    recorded = likelihood.method or {}
+    if method is not None and describe(flow_method(method)) != recorded:
+        raise ModelError(f"the model is for the flow {recorded}, not for {method!r}: leave out --method")
+    return recorded
+
+
+def _read_truth(path: Path, shape: tuple[int, ...]) -> Array:
+    truth = read_flow(path)
+    if truth.shape[:2] != shape:
+        sizes = f"{truth.shape[1]}x{truth.shape[0]}, the images {shape[1]}x{shape[0]}"
+        raise DataError(f"{path}: true flow of {sizes}")
+    return truth
+
+
+def _records(
+    m: Measurements,
+    likelihood: FlowLikelihood,
+    half_width: Array,
+    confidence: float,
+    true_flow: Array | None,
+    dataset: str,
+) -> list[Record]:
+    x = likelihood.coordinate(m)
+
+    def record(metric: str, value: float, unit: str, count: int, **keys: object) -> Record:
+        note = protocol(confidence=confidence, vectors=len(m), lost=m.lost, **keys)
+        return Record(
+            metric,
+            value,
+            unit,
+            dataset,
+            m.method["name"],
+            likelihood.family.name,
+            "texture",
+            None,
+            count,
+            None,
+            note,
+        )
+
+    records = [
+        record("half_width_e1_median_px", float(np.median(half_width[:, 0])), "px", len(m)),
+        record("half_width_e2_median_px", float(np.median(half_width[:, 1])), "px", len(m)),
+        record("within_half_px_fraction", float(np.mean(half_width <= 0.5)), "", half_width.size),
+        record("outside_fraction", likelihood.schedule.outside(x), "", x.size),
+    ]
+    if true_flow is None:
+        return records
+    column, row = np.rint(m.pixels).astype(int).T
+    truth = true_flow[row, column]
+    known = np.isfinite(truth).all(axis=1)
+    z = m.select(known).errors(truth[known])
+    for level in COVERAGES:
+        inside = np.abs(z) <= likelihood.bound(x[known], level)
+        name = f"coverage_{level * 100:.0f}"
+        records.append(
+            record(name, float(inside.mean()), "", z.size, truth="given flow", pixels="known truth")
+        )
+    nll = float(-likelihood.log_prob(z, x[known]).mean())
+    return [*records, record("nll", nll, "nat", z.size, truth="given flow", pixels="known truth")]
+
+
+def _picture(image: Image, m: Measurements, half_width: Array, confidence: float) -> dict[str, NDArray[Any]]:
+    """Arrays of the uncertainty figure: maps that are NaN where nothing was measured."""
+    column, row = np.rint(m.pixels).astype(int).T
+    maps = {
+        "flow": np.full((*image.shape, 2), np.nan, np.float32),
+        "half_width": np.full((*image.shape, 2), np.nan, np.float32),
+        "angle": np.full(image.shape, np.nan, np.float32),
+    }
+    maps["flow"][row, column] = m.flow
+    maps["half_width"][row, column] = half_width
+    maps["angle"][row, column] = np.arctan2(m.R_i_e[:, 1, 0], m.R_i_e[:, 0, 0])
+    return {"image": image, **maps, "confidence": np.array(confidence)}

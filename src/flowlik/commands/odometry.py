@@ -1,0 +1,223 @@
+"""`flowlik odometry`: a sequence of images to a trajectory."""
+
+from __future__ import annotations
+
+import csv
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from flowlik.commands.flow import model_method
+from flowlik.datasets import open_sequence
+from flowlik.datasets.base import Sequence
+from flowlik.egomotion import EgoMotion, Estimator, lcmsac, mle, ransac
+from flowlik.errors import DataError, MissingFieldError
+from flowlik.evaluation.drift import relative_pose_errors
+from flowlik.evaluation.evidence import outside_warning
+from flowlik.evaluation.motion_records import status_records, trajectory_records, true_trajectory
+from flowlik.files import atomic_write
+from flowlik.flow import flow_method
+from flowlik.flow.base import FlowMethod
+from flowlik.model_file import load_likelihood
+from flowlik.odometry import Odometry, ResidualKind, ScaleSource, features_of, run_odometry
+from flowlik.progress import Progress, no_progress
+from flowlik.records import Record, protocol, select
+from flowlik.runs import RunFolder
+from flowlik.trajectory import Trajectory, write_kitti, write_tum
+
+ESTIMATORS = ("ransac", "lcmsac", "mle")
+
+
+def odometry(
+    data: Path,
+    out: Path,
+    model: Path | None = None,
+    method: str | None = None,
+    estimator: str = "lcmsac",
+    residual: str | None = None,
+    scale: str = "none",
+    gate: float | None = None,
+    frames: int | None = None,
+    format: str | None = None,
+    seed: int = 0,
+    command: str = "flowlik odometry",
+    progress: Progress = no_progress,
+) -> RunFolder:
+    """Estimate the trajectory of a sequence, and its errors where the data set has poses.
+
+    Parameters
+    ----------
+    data : Path
+        Folder of a sequence.
+    out : Path
+        Run folder: trajectory in KITTI's and TUM's format, ``frames.csv`` with each frame's status.
+    model : Path, optional
+        Model file; needed for lcmsac and mle. It names the flow method.
+    method : str, optional
+        Flow method for RANSAC without a model; beside a model it may only confirm it.
+    estimator : {"lcmsac", "ransac", "mle"}
+        Estimator.
+    residual : {"depth", "epipolar"}, optional
+        By default known depth if the data has it.
+    scale : {"none", "truth-norm"}
+        Where the length of each motion comes from without depth.
+    gate : float, optional
+        Texture gate [intensity^2/px^2].
+    frames : int, optional
+        Only the first so many frames.
+    format : str, optional
+        Data format; guessed by default.
+    seed : int
+        Seed of pixels and samples.
+    command : str
+        Command line that repeats the run.
+    progress : Progress
+        Told how far it is.
+
+    Raises
+    ------
+    DataError
+        If options contradict one another or the data, or no frame at all could be solved.
+    """
+    flow, chosen = choose(estimator, model, method, gate)
+    if scale not in ("none", "truth-norm"):
+        raise DataError(f"unknown scale source {scale!r}: known are none, truth-norm")
+    sequence = open_sequence(data, format)
+    kind = _residual_kind(sequence, residual)
+    if kind == "depth":
+        scale = "depth"
+    config = {
+        "data": str(data), "model": None if model is None else str(model), "estimator": estimator,
+        "residual": kind, "scale": scale, "gate": gate, "frames": frames,
+    }  # fmt: skip
+    run = RunFolder(out, command, config, seed)
+
+    robot = Odometry(sequence.camera, flow, chosen, seed)
+    count = len(sequence) if frames is None else min(frames, len(sequence))
+    loop = run_odometry(sequence, robot, kind, cast(ScaleSource, scale), frames)
+    start = time.perf_counter()
+    motions = list(progress(loop, f"{estimator} on {sequence.name}", count - 1))
+    seconds = time.perf_counter() - start
+    if not any(motion.solved for motion in motions):
+        reason = motions[0].reason if motions else "there is only one image"
+        raise DataError(f"{sequence.name}: no frame could be solved ({reason})")
+
+    estimated = Trajectory(np.array(robot.timestamps), RigidTransform.concatenate(robot.poses))
+    write_kitti(run.path / "trajectory_kitti.txt", estimated)
+    write_tum(run.path / "trajectory_tum.txt", estimated)
+    _write_frames(run.path / "frames.csv", estimated, motions)
+    truth = true_trajectory(sequence, count)
+    keys = {
+        "residual": kind, "scale": scale, "boresight": "none", "self_calibrate": "false",
+        "gate": "none" if gate is None else gate, "features": features_of(flow),
+        "timestamps": getattr(sequence, "times_source", None),
+    }  # fmt: skip
+    run.records = _records(sequence, estimated, truth, motions, chosen, flow, seed, keys, seconds)
+    _figures(run, estimated, truth, estimator, flow, metric=scale != "none")
+    (outside,) = select(run.records, metric="outside_fraction")
+    if message := outside_warning(outside.value or 0.0, sequence.name):
+        run.warn(message)
+    run.finish()
+    return run
+
+
+def choose(
+    estimator: str, model: Path | None, method: str | None, gate: float | None
+) -> tuple[FlowMethod, Estimator]:
+    """Flow method and estimator of command-line options."""
+    if estimator not in ESTIMATORS:
+        raise DataError(f"unknown estimator {estimator!r}: known are {', '.join(ESTIMATORS)}")
+    if model is None:
+        if estimator != "ransac":
+            raise DataError(f"--estimator {estimator} needs --model, a file that `flowlik calibrate` makes")
+        return flow_method(method or "lucas-kanade"), ransac(gate=gate)
+    likelihood = load_likelihood(model)
+    flow = flow_method(model_method(likelihood, method))
+    if estimator == "ransac":
+        return flow, ransac(gate=gate)
+    return flow, (lcmsac if estimator == "lcmsac" else mle)(likelihood, gate=gate)
+
+
+def _residual_kind(sequence: Sequence, asked: str | None) -> ResidualKind:
+    if asked not in (None, "depth", "epipolar"):
+        raise DataError(f"unknown residual {asked!r}: known are depth, epipolar")
+    if asked is not None:
+        return cast(ResidualKind, asked)
+    try:
+        sequence.depth(0)
+    except MissingFieldError:
+        return "epipolar"
+    return "depth"
+
+
+def _records(
+    sequence: Sequence,
+    estimated: Trajectory,
+    truth: Trajectory | None,
+    motions: list[EgoMotion],
+    estimator: Estimator,
+    flow: FlowMethod,
+    seed: int,
+    keys: dict[str, object],
+    seconds: float,
+) -> list[Record]:
+    family = estimator.likelihood.family.name
+    base = Record(
+        "frames_per_second", len(motions) / seconds, "1/s", sequence.name, flow.name, family, None,
+        estimator.name, len(motions), seed,
+        protocol(**keys, includes="decoding, flow, estimation, compilation"),
+    )  # fmt: skip
+    records = [base, *status_records(motions, replace(base, protocol=protocol(**keys)))]
+    if truth is None:
+        return records
+    errors = trajectory_records(
+        estimated, truth, sequence.name, flow.name, family, estimator.name, seed, **keys
+    )
+    if keys["scale"] == "none":
+        unscaled = "; " + protocol(reason="without a scale the trajectory has no unit of length")
+        errors = [
+            r if r.metric == "rpe_rot_median_deg" else replace(r, value=None, protocol=r.protocol + unscaled)
+            for r in errors
+        ]
+    return [*errors, *records]
+
+
+def _figures(
+    run: RunFolder, estimated: Trajectory, truth: Trajectory | None, name: str, flow: FlowMethod, metric: bool
+) -> None:
+    origin = estimated.poses[0] if truth is None else truth.poses[0]
+    positions = origin.apply(estimated.positions)[None]
+    arrays = {
+        "names": np.array([name]),
+        "positions": positions,
+        "timestamps": estimated.timestamps,
+        "unit": np.array("m" if metric else "steps"),
+    }
+    if truth is not None and metric:
+        arrays["truth"] = truth.positions
+        steps = relative_pose_errors(estimated, truth)
+        errors = {"translation": steps.translation_m[None], "rotation": steps.rotation_deg[None]}
+        shown = {"names": arrays["names"], "timestamps": estimated.timestamps[1:], **errors}
+        run.save("frame-errors", flow.name, shown)
+    run.save("trajectories", flow.name, arrays)
+
+
+def _write_frames(path: Path, estimated: Trajectory, motions: list[EgoMotion]) -> None:
+    """One row a frame: time [s], status and its reason, inliers, and what was left out."""
+    with atomic_write(path) as file:
+        writer = csv.writer(file)
+        writer.writerow(
+            ["frame", "timestamp_s", "status", "reason", "inliers", "unit", "informative", "components",
+             "outside_fraction", "hypotheses", "log_prob_nat", "excluded"]
+        )  # fmt: skip
+        for k, motion in enumerate(motions, start=1):
+            excluded = " ".join(f"{reason}:{count}" for reason, count in motion.excluded.items() if count)
+            writer.writerow(
+                [k, estimated.timestamps[k], motion.status.value, motion.reason, motion.inliers,
+                 motion.inlier_unit, motion.informative, motion.components,
+                 f"{motion.outside:.4f}", motion.hypotheses, f"{motion.log_prob:.3f}", excluded]
+            )  # fmt: skip

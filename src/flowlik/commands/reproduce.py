@@ -1,0 +1,274 @@
+"""`flowlik reproduce`: the paper end to end in the virtual environment, with a report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import RigidTransform
+
+from flowlik.calibration import ErrorSketch, sketch_blocks, split_blocks
+from flowlik.camera import Array, Pinhole
+from flowlik.commands.calibrate import add_evidence, fit_families
+from flowlik.datasets.base import Sequence
+from flowlik.egomotion import Estimator, KnownDepth, lcmsac, mle, ransac
+from flowlik.evaluation.baselines import opencv_pnp
+from flowlik.evaluation.drift import relative_pose_errors
+from flowlik.evaluation.motion_records import trajectory_records, true_trajectory
+from flowlik.flow import flow_method
+from flowlik.flow.base import FlowMethod
+from flowlik.likelihood import FlowLikelihood
+from flowlik.model_file import save_likelihood
+from flowlik.odometry import features_of, measure_features
+from flowlik.progress import Progress, no_progress
+from flowlik.records import Record, protocol
+from flowlik.runs import RunFolder
+from flowlik.simulation import simulate
+from flowlik.trajectory import Trajectory, chain
+
+METHODS = ("farneback", "lucas-kanade")
+BASELINE = "opencv-pnp"
+BLOCK = 10
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A simulated sequence: world seed, trajectory, speed [m/s at 60 frames/s] and image pairs."""
+
+    seed: int
+    trajectory: str
+    speed_mps: float
+    pairs: int
+
+    @property
+    def label(self) -> str:
+        """Short name in results."""
+        return f"planes-{self.trajectory}-{self.speed_mps:g}mps-seed{self.seed}"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a reproduction simulates: calibration and held-out flights, camera, levels counted in K-S."""
+
+    width: int
+    height: int
+    fov_deg: float
+    calibration: tuple[Flight, ...]
+    held_out: tuple[Flight, ...]
+    least_components: int
+    least_frames: int
+
+
+QUICK = Plan(
+    width=320,
+    height=180,
+    fov_deg=120.0,
+    calibration=tuple(Flight(seed, "training", v, 30) for seed in (0, 1) for v in (1.5, 3.0, 6.0, 12.0)),
+    held_out=(Flight(100, "curve", 6.0, 80), Flight(101, "curve", 9.0, 80)),
+    least_components=10_000,
+    least_frames=20,
+)
+
+
+def reproduce(
+    out: Path,
+    plan: Plan = QUICK,
+    command: str = "flowlik reproduce --quick",
+    progress: Progress = no_progress,
+) -> RunFolder:
+    """Simulate, calibrate Farnebäck and Lucas-Kanade, evaluate on other flights, and fly on those.
+
+    Calibration and held-out flights share neither world nor trajectory nor, in one of them, speed.
+
+    Parameters
+    ----------
+    out : Path
+        Run folder: report, figures, metrics, and the models in ``models/``.
+    plan : Plan
+        What to simulate.
+    command : str
+        Command line that repeats the run.
+    progress : Progress
+        Told how far it is.
+    """
+    run = RunFolder(out, command, asdict(plan), seed=plan.calibration[0].seed)
+    methods = [flow_method(name) for name in METHODS]
+    camera = Pinhole.from_fov(plan.width, plan.height, plan.fov_deg)
+
+    sketches = _sketch(plan.calibration, camera, methods, progress)
+    models = {}
+    for i, method in enumerate(progress(iter(methods), "fits", len(methods))):
+        names = ", ".join(flight.label for flight in plan.calibration)
+        families = fit_families([s[i] for s in sketches], method, {"data": names, "sensor": "default"})
+        models[method.name] = families
+        _add_evidence(
+            run, [s[i] for s in sketches], families, "planes-calibration", method, plan, "calibration"
+        )
+        save_likelihood(families["lcm"], run.path / "models" / f"{method.name}.json")
+
+    for flight in plan.held_out:
+        sketches = _sketch((flight,), camera, methods, progress)
+        for i, method in enumerate(methods):
+            held_out = [s[i] for s in sketches]
+            _add_evidence(run, held_out, models[method.name], flight.label, method, plan, "held-out")
+        _fly(run, flight, camera, methods, models, progress)
+    _add_ratios(run, plan)
+    run.finish()
+    return run
+
+
+def _sequence(flight: Flight, camera: Pinhole) -> Sequence:
+    return simulate("planes", flight.trajectory, flight.pairs + 1, flight.speed_mps, flight.seed, camera)
+
+
+def _sketch(
+    flights: tuple[Flight, ...], camera: Pinhole, methods: list[FlowMethod], progress: Progress
+) -> list[list[ErrorSketch]]:
+    blocks = [b for f in flights for b in split_blocks(_sequence(f, camera), f.seed, BLOCK)]
+    what = "calibration flights" if len(flights) > 1 else flights[0].label
+    return list(progress(sketch_blocks(blocks, methods), what, len(blocks)))
+
+
+def _add_evidence(
+    run: RunFolder,
+    blocks: list[ErrorSketch],
+    models: dict[str, FlowLikelihood],
+    dataset: str,
+    method: FlowMethod,
+    plan: Plan,
+    split: str,
+) -> None:
+    label = f"{method.name}-{dataset}"
+    seed = plan.calibration[0].seed
+    add_evidence(
+        run, blocks, models, dataset, label, seed, plan.least_components, plan.least_frames, split=split
+    )
+
+
+def _fly(
+    run: RunFolder,
+    flight: Flight,
+    camera: Pinhole,
+    methods: list[FlowMethod],
+    models: dict[str, dict[str, FlowLikelihood]],
+    progress: Progress,
+) -> None:
+    """Ego-motion with known depth on a held-out flight, all estimators on the same measurements."""
+    sequence = _sequence(flight, camera)
+    truth = true_trajectory(sequence, flight.pairs + 1)
+    assert truth is not None
+    for method in methods:
+        likelihood = models[method.name]["lcm"]
+        estimators = (ransac(), lcmsac(likelihood), mle(likelihood))
+        steps: dict[str, list[RigidTransform]] = {
+            name: [] for name in (*(e.name for e in estimators), BASELINE)
+        }
+        unsolved = dict.fromkeys(steps, 0)
+        pairs = progress(
+            _residuals(sequence, method, likelihood), f"{method.name} on {flight.label}", flight.pairs
+        )
+        for k, residual in enumerate(pairs):
+            for name, motion in _motions(residual, estimators, seed=k).items():
+                unsolved[name] += motion is None
+                steps[name].append(RigidTransform.identity() if motion is None else motion)
+        trajectories = {name: Trajectory(truth.timestamps, chain(moves)) for name, moves in steps.items()}
+        for name, trajectory in trajectories.items():
+            family = "lcm" if name in ("lcmsac", "mle") else "gaussian"
+            keys = {"residual": "depth", "gate": "none", "features": features_of(method), "scale": "depth"}
+            note = {"dataset": flight.label, "flow": method.name, "family": family, "estimator": name}
+            run.records += trajectory_records(trajectory, truth, **note, seed=flight.seed, **keys)
+            run.records.append(
+                Record(
+                    "unsolved_fraction",
+                    unsolved[name] / flight.pairs,
+                    "",
+                    **note,
+                    count=flight.pairs,
+                    seed=flight.seed,
+                    protocol=protocol(**keys, unsolved="counted as no motion"),
+                )
+            )
+        _save_figures(run, f"{method.name}-{flight.label}", trajectories, truth)
+        if method.name == "farneback":
+            run.save("flow-sequence", f"{method.name}-{flight.label}", _flow_sequence(sequence, method))
+
+
+def _residuals(sequence: Sequence, method: FlowMethod, likelihood: FlowLikelihood) -> Iterator[KnownDepth]:
+    for k in range(len(sequence) - 1):
+        m = measure_features(sequence.image(k), sequence.image(k + 1), method, likelihood.texture, seed=k)
+        yield KnownDepth.of(m, sequence.camera, sequence.depth(k))
+
+
+def _motions(
+    residual: KnownDepth, estimators: tuple[Estimator, ...], seed: int
+) -> dict[str, RigidTransform | None]:
+    solved = {e.name: e.estimate(residual, seed) for e in estimators}
+    motions = {name: m.T_k_prev if m.solved else None for name, m in solved.items()}
+    return {**motions, BASELINE: opencv_pnp(residual)}
+
+
+def _save_figures(run: RunFolder, label: str, trajectories: dict[str, Trajectory], truth: Trajectory) -> None:
+    names = np.array(list(trajectories))
+    errors = [relative_pose_errors(t, truth) for t in trajectories.values()]
+    positions = np.array([truth.poses[0].apply(t.positions) for t in trajectories.values()])
+    run.save(
+        "trajectories", label,
+        {"names": names, "positions": positions, "timestamps": truth.timestamps, "truth": truth.positions,
+         "unit": np.array("m")},
+    )  # fmt: skip
+    run.save(
+        "frame-errors", label,
+        {"names": names, "translation": np.array([e.translation_m for e in errors]),
+         "rotation": np.array([e.rotation_deg for e in errors]), "timestamps": truth.timestamps[1:]},
+    )  # fmt: skip
+
+
+def _flow_sequence(sequence: Sequence, method: FlowMethod) -> dict[str, NDArray[Any]]:
+    """Three frames of the paper's Fig. 3: image, true flow, measured flow."""
+    frames = np.linspace(0, len(sequence) - 2, 3).astype(int)
+    images = np.stack([sequence.image(k) for k in frames])
+    measured = [method.measure(sequence.image(k), sequence.image(k + 1))[1] for k in frames]
+    return {
+        "images": images,
+        "true_flow": np.stack([sequence.flow(k) for k in frames]).astype(np.float32),
+        "flow": np.stack(measured).reshape(*images.shape, 2).astype(np.float32),
+    }
+
+
+def _add_ratios(run: RunFolder, plan: Plan) -> None:
+    """Median per-frame translation error of every estimator over RANSAC's, pooled over held-out flights."""
+    rng = np.random.default_rng(plan.calibration[0].seed)
+    for method in METHODS:
+        flights = [
+            np.load(run.path / "data" / f"frame-errors--{method}-{f.label}.npz") for f in plan.held_out
+        ]
+        names = list(flights[0]["names"])
+        errors = np.concatenate([flight["translation"] for flight in flights], axis=1)
+        reference = errors[names.index("ransac")]
+        for name, row in zip(names, errors):
+            if name == "ransac":
+                continue
+            low, high = _ratio_interval(row, reference, rng)
+            note = protocol(
+                reference="ransac", residual="depth", gate="none", bootstrap=f"blocks of {BLOCK} frames",
+                interval_95=f"{low:.3f} … {high:.3f}",
+            )  # fmt: skip
+            value = float(np.median(row) / np.median(reference))
+            family = "lcm" if name in ("lcmsac", "mle") else "gaussian"
+            record = Record(
+                "rpe_trans_ratio_to_ransac", value, "", "planes-held-out", method, family, None, str(name)
+            )
+            run.records.append(replace(record, count=len(row), seed=run.seed, protocol=note))
+
+
+def _ratio_interval(errors: Array, reference: Array, rng: np.random.Generator) -> tuple[float, float]:
+    blocks = np.arange(len(errors)).reshape(-1, BLOCK)
+    draws = blocks[rng.integers(len(blocks), size=(1000, len(blocks)))].reshape(1000, -1)
+    low, high = np.percentile(
+        np.median(errors[draws], axis=1) / np.median(reference[draws], axis=1), [2.5, 97.5]
+    )
+    return float(low), float(high)

@@ -1,0 +1,34 @@
+"""Python threads over bands of rows, for kernels that release the interpreter's lock.
+
+Numba's own threads are not used: they spin while they wait, which on a busy machine costs a hundred times
+the work itself, and a process forked after they have run is killed.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+THREADS = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def in_bands(work: Callable[[int, int], object], rows: int, band: int) -> None:
+    """Call ``work(first, last)`` on bands that cover all rows, side by side.
+
+    Parameters
+    ----------
+    work : callable
+        Writes its rows, and only these, so that the result does not depend on the number of threads.
+    rows : int
+        Number of rows.
+    band : int
+        Rows a band; so many that a call outweighs the 0.1 ms a thread costs.
+    """
+    bands = [(first, min(first + band, rows)) for first in range(0, rows, band)]
+    if len(bands) < 2 or THREADS < 2:
+        for first, last in bands:
+            work(first, last)
+        return
+    with ThreadPoolExecutor(min(THREADS, len(bands))) as threads:
+        list(threads.map(lambda limits: work(*limits), bands))

@@ -1,0 +1,228 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+from flowlik import motion, threads
+from flowlik.egomotion import KnownDepth
+from flowlik.egomotion.residuals import five_point
+from flowlik.errors import DataError
+from flowlik.schedule import Index
+from tests.helpers import CAMERA, finite_difference, lcm_likelihood, make_scene, random_motion
+
+MODEL = lcm_likelihood()
+INDEX = Index()
+
+
+@pytest.fixture(params=range(3))
+def scene(request):
+    rng = np.random.default_rng(request.param)
+    return make_scene(random_motion(rng), rng, n=80, likelihood=MODEL)
+
+
+@pytest.fixture
+def near(scene):
+    """A motion near the scene's, and its matrix (3, 4)."""
+    T = random_motion(np.random.default_rng(9), 0.2, 0.02) * scene.T
+    return T, T.as_matrix()[:3]
+
+
+def rho_of(scene):
+    return motion.inverse_range(CAMERA, scene.measurements.pixels, scene.depth)
+
+
+def moved(residual, T, xi):
+    return residual.linearise((motion.exp_se3(xi) * T).as_matrix()[:3])[0]
+
+
+def test_errors_of_known_depth_agree_with_the_theory(scene, near):
+    T, matrix = near
+    z, J = scene.known_depth.linearise(matrix)
+    m, rho = scene.measurements, rho_of(scene)
+    expected = m.errors(motion.h(T, CAMERA, m.pixels, rho)).ravel()
+    np.testing.assert_allclose(z, expected, atol=1e-9)
+    by_flow = -np.einsum("nij,nik->njk", m.R_i_e, motion.h_jacobian(T, CAMERA, m.pixels, rho))
+    np.testing.assert_allclose(J, by_flow.reshape(-1, 6), rtol=1e-9, atol=1e-9)
+    x = scene.known_depth.coordinates(matrix, INDEX)
+    np.testing.assert_allclose(x, np.log(m.covariates["texture"]).ravel(), rtol=1e-12)
+    numeric = finite_difference(lambda xi: moved(scene.known_depth, T, xi), np.zeros(6), 1e-6)
+    np.testing.assert_allclose(J, numeric, rtol=1e-5, atol=1e-5)
+
+
+def test_epipolar_errors_agree_with_the_theory(scene, near):
+    T, matrix = near
+    unit = scene.epipolar.normalise(matrix)
+    z, J = scene.epipolar.linearise(unit)
+    m = scene.measurements
+    expected, normal, jacobian = motion.epipolar_error(T, CAMERA, m.pixels, m.flow)
+    np.testing.assert_allclose(z, expected, atol=1e-9)
+    np.testing.assert_allclose(J, jacobian, rtol=1e-9, atol=1e-9)
+    x = scene.epipolar.coordinates(unit, INDEX)
+    np.testing.assert_allclose(x, INDEX.along(m, normal), atol=1e-9)
+    T_unit = RigidTransform.from_matrix(np.vstack([unit, [0, 0, 0, 1]]))
+    numeric = finite_difference(lambda xi: moved(scene.epipolar, T_unit, xi), np.zeros(6), 1e-6)
+    np.testing.assert_allclose(J, numeric, rtol=1e-4, atol=1e-3)
+
+
+def test_the_epipolar_basis_leaves_out_the_scale(scene, near):
+    unit = scene.epipolar.normalise(near[1])
+    assert np.linalg.norm(unit[:, 3]) == pytest.approx(1)
+    basis = scene.epipolar.basis(unit)
+    np.testing.assert_allclose(basis.T @ basis, np.eye(5), atol=1e-12)
+    np.testing.assert_allclose(basis[3:].T @ unit[:, 3], 0, atol=1e-12)
+
+
+def test_points_behind_the_camera_have_no_error(scene):
+    turned = motion.exp_se3(np.array([0, np.pi, 0, 0, 0, 0])).as_matrix()[:3]
+    z, J = scene.known_depth.linearise(turned)
+    assert np.isnan(z).all()
+    np.testing.assert_array_equal(J, 0)
+
+
+@pytest.fixture
+def hypotheses(scene):
+    rng = np.random.default_rng(11)
+    return [random_motion(rng, 0.1 * k, 0.01 * k) * scene.T for k in range(8)]
+
+
+@pytest.fixture
+def kept(scene):
+    return scene.measurements.covariates["texture"] > 2.0
+
+
+def test_scores_of_known_depth_count_inliers(scene, hypotheses, kept):
+    residual = scene.known_depth
+    matrices = np.array([T.as_matrix()[:3] for T in hypotheses])
+    m, rho = scene.measurements, rho_of(scene)
+    z = np.array([m.errors(motion.h(T, CAMERA, m.pixels, rho)) for T in hypotheses])
+    x = np.log(m.covariates["texture"])
+
+    bounds = residual.bounds(lambda x: MODEL.bound(x, 0.9), INDEX, kept)
+    inliers = (np.abs(z) <= MODEL.bound(x, 0.9)) & kept
+    np.testing.assert_array_equal(residual.score(matrices, bounds, False), inliers.sum(axis=(1, 2)))
+
+    bounds = residual.bounds(lambda x: np.full(x.shape, 0.5), INDEX, kept)
+    length = np.linalg.norm(np.where(kept, z, 0), axis=2)
+    expected = ((length <= 0.5) & kept.any(axis=1)).sum(axis=1)
+    np.testing.assert_array_equal(residual.score(matrices, bounds, True), expected)
+    assert len(set(expected)) > 3
+
+
+def test_scores_of_the_epipolar_residual_count_inliers(scene, hypotheses, kept):
+    residual, m = scene.epipolar, scene.measurements
+    essentials = np.array([motion.essential_matrix(T) for T in hypotheses])
+    errors = [motion.epipolar_error(T, CAMERA, m.pixels, m.flow)[:2] for T in hypotheses]
+    used = kept.any(axis=1)
+
+    constant = residual.bounds(lambda x: np.full(x.shape, 0.5), INDEX, kept)
+    expected = [((np.abs(z) <= 0.5) & used).sum() for z, _ in errors]
+    np.testing.assert_array_equal(residual.score(essentials, constant, False), expected)
+    assert len(set(expected)) > 3
+
+    bounds = residual.bounds(lambda x: MODEL.bound(x, 0.9), INDEX, kept)
+    exact = [((np.abs(z) <= MODEL.bound(INDEX.along(m, n), 0.9)) & used).sum() for z, n in errors]
+    # bounds are interpolated between 17 directions of the normal
+    np.testing.assert_allclose(residual.score(essentials, bounds, False), exact, atol=2)
+
+
+@pytest.mark.parametrize("kind", ["known_depth", "epipolar"])
+def test_scores_do_not_depend_on_the_number_of_threads(scene, monkeypatch, kind):
+    rng = np.random.default_rng(12)
+    motions = [random_motion(rng, 1.0, 0.1) * scene.T for _ in range(90)]
+    form = motion.essential_matrix if kind == "epipolar" else (lambda T: T.as_matrix()[:3])
+    hypotheses = np.array([form(T) for T in motions])
+    residual = getattr(scene, kind)
+    bounds = residual.bounds(lambda x: MODEL.bound(x, 0.9), INDEX, np.ones((len(residual), 2), bool))
+    counts = []
+    for number in (1, 2):
+        monkeypatch.setattr(threads, "THREADS", number)
+        counts.append(residual.score(hypotheses, bounds, False))
+    one_by_one = [residual.score(h[None], bounds, False)[0] for h in hypotheses]
+    np.testing.assert_array_equal(counts, [one_by_one] * 2)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 1.0, 5.0, 15.0])
+def test_three_points_give_the_motion_exactly(degrees):
+    rng = np.random.default_rng(3)
+    T = random_motion(rng, degrees, 0.3)
+    residual = make_scene(T, rng, n=300).known_depth
+    samples = np.array([rng.choice(300, 3, replace=False) for _ in range(100)])
+    solutions = [residual.propose(sample[None], np.eye(4)[:3]) for sample in samples]
+    solved = [(sample, motions[0]) for sample, motions in zip(samples, solutions) if len(motions)]
+    assert len(solved) >= (95 if degrees < 10 else 85)
+    error = [np.abs(matrix - T.as_matrix()[:3]).max() for _, matrix in solved]
+    assert np.median(error) < 1e-9
+    for sample, matrix in solved:  # sometimes another motion explains the three points
+        z, _ = residual.linearise(matrix)
+        assert np.abs(z.reshape(-1, 2)[sample]).max() < 1.5e-6
+
+
+def test_three_points_on_one_ray_have_no_solution():
+    scene = make_scene(random_motion(np.random.default_rng(0)), np.random.default_rng(1), n=6)
+    one = scene.measurements.select(np.zeros(6, int))
+    residual = KnownDepth.of(one, CAMERA, np.full(6, 4.0))
+    assert len(residual.propose(np.array([[0, 1, 2], [3, 4, 5]]), np.eye(4)[:3])) == 0
+
+
+def test_five_points_give_the_essential_matrix_among_others():
+    rng = np.random.default_rng(5)
+    scene = make_scene(random_motion(rng, 3, 0.5), rng, n=50)
+    truth = motion.essential_matrix(scene.T)
+    found = 0
+    for _ in range(20):
+        sample = rng.choice(50, 5, replace=False)
+        solutions = scene.epipolar.propose(sample[None], np.eye(4)[:3])
+        scaled = solutions / np.linalg.norm(solutions, axis=(1, 2), keepdims=True) * np.sqrt(2)
+        error = min(min(np.abs(E - truth).max(), np.abs(E + truth).max()) for E in scaled)
+        found += error < 1e-5
+    assert found >= 19
+
+
+def test_five_points_without_a_solution_give_none():
+    assert five_point(np.full((5, 2), np.nan), np.zeros((5, 2))).shape[1:] == (3, 3)
+
+
+@pytest.mark.parametrize("as_map", [False, True])
+def test_points_without_depth_are_left_out_and_counted(as_map):
+    scene = make_scene(random_motion(np.random.default_rng(0)), np.random.default_rng(1), n=40)
+    depth = scene.depth.copy()
+    depth[:5] = [np.nan, 0, -1, np.inf, -np.inf]
+    if as_map:
+        grid = np.full((CAMERA.height, CAMERA.width), np.nan)
+        column, row = np.rint(scene.measurements.pixels).astype(int).T
+        grid[row, column] = depth
+        depth = grid
+    residual = KnownDepth.of(scene.measurements, CAMERA, depth)
+    assert residual.excluded == {"no depth": 5, "no flow": 0}
+    assert len(residual) == 35
+    np.testing.assert_array_equal(residual.measurements.pixels, scene.measurements.pixels[5:])
+    np.testing.assert_allclose(residual.rho, rho_of(scene)[5:], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("shape", "message"),
+    [
+        ((480, 641), "641x480 for a camera of 640x480"),
+        ((480, 640, 1), "40 measurements"),
+        ((39,), "40 measurements"),
+    ],
+)
+def test_depth_of_a_wrong_size_is_refused(shape, message):
+    scene = make_scene(random_motion(np.random.default_rng(0)), np.random.default_rng(1), n=40)
+    with pytest.raises(DataError, match=message):
+        KnownDepth.of(scene.measurements, CAMERA, np.ones(shape))
+
+
+def test_the_motion_of_an_essential_matrix_has_its_points_in_front(scene):
+    E = motion.essential_matrix(scene.T)
+    everything = np.ones(len(scene.epipolar), bool)
+    for signed in (E, -E):
+        T, ambiguous = scene.epipolar.motion(signed, lambda T: everything)
+        np.testing.assert_allclose(T, scene.epipolar.normalise(scene.T.as_matrix()[:3]), atol=1e-9)
+        assert not ambiguous
+
+
+def test_a_pure_rotation_leaves_the_epipolar_motion_ambiguous():
+    T = random_motion(np.random.default_rng(0), 3, 1e-9)
+    residual = make_scene(T, np.random.default_rng(1), n=500, likelihood=MODEL).epipolar
+    _, ambiguous = residual.motion(motion.essential_matrix(T), lambda T: np.ones(500, bool))
+    assert ambiguous

@@ -1,0 +1,116 @@
+import json
+
+import numpy as np
+import pytest
+
+from flowlik.errors import ModelError
+from flowlik.families import FAMILIES
+from flowlik.flow import Farneback, LucasKanade, describe
+from flowlik.likelihood import FlowLikelihood
+from flowlik.model_file import load_likelihood, save_likelihood
+from flowlik.schedule import Index, Schedule, Term
+from flowlik.texture import TextureDefinition
+from tests.helpers import KNOTS, lcm_likelihood
+from tests.test_likelihood import VALUES
+
+
+@pytest.fixture
+def path(tmp_path):
+    save_likelihood(lcm_likelihood(method=describe(Farneback())), tmp_path / "model.json")
+    return tmp_path / "model.json"
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_a_model_comes_back_as_it_was(tmp_path, name):
+    model = FlowLikelihood(
+        FAMILIES[name],
+        Schedule(Index((Term("texture", 1e-2, 0.7), Term("discrepancy", 0.1, -1 / 3))), KNOTS, VALUES[name]),
+        TextureDefinition(window=7),
+        describe(LucasKanade(window=15)),
+        {"data": "synthetic", "pairs": 3},
+        {"nll": 1 / 3},
+    )
+    save_likelihood(model, tmp_path / "folder" / "model.json")
+    again = load_likelihood(tmp_path / "folder" / "model.json")
+    for field in ("family", "texture", "method", "provenance", "goodness"):
+        assert getattr(again, field) == getattr(model, field)
+    assert again.schedule.index == model.schedule.index
+    np.testing.assert_array_equal(again.schedule.knots, KNOTS)
+    z, x = np.linspace(-5, 5, 31)[:, None], np.linspace(-5, 10, 17)
+    np.testing.assert_array_equal(again.log_prob(z, x), model.log_prob(z, x))
+
+
+def test_a_model_of_no_flow_method_is_not_saved(tmp_path):
+    with pytest.raises(ModelError, match="flow method"):
+        save_likelihood(lcm_likelihood(), tmp_path / "model.json")
+    assert list(tmp_path.iterdir()) == []
+
+
+def changed(**values):
+    return lambda content: json.dumps({**content, **values})
+
+
+def without(key):
+    return lambda content: json.dumps({k: v for k, v in content.items() if k != key})
+
+
+def table(name, row):
+    return lambda content: json.dumps({**content, "table": {**content["table"], name: row}})
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (lambda content: "", "not a flowlik model file"),
+        (lambda content: json.dumps(content)[:200], "not a flowlik model file"),
+        (lambda content: "a text\n of two lines", "not a flowlik model file"),
+        (lambda content: "[1, 2]", "not a flowlik model file"),
+        (lambda content: '{"dataset": "planes"}', "family"),
+        (changed(comment="mine"), "comment"),
+        (changed(schema_version=2), "schema_version"),
+        (changed(interpolation="link"), "interpolation"),
+        (changed(family="student"), "unknown error family 'student'"),
+        (changed(family="gaussian"), "needs the parameters"),
+        (changed(knots=[0.0, 2.0, 1.0, 3.0]), "increasing knots"),
+        (changed(knots=[0.0, 1.0, 2.0]), "differ in number"),
+        (changed(knots=[0.0, 1.0, 2.0, float("nan")]), "knots"),
+        (changed(knots="0 1 2 3"), "knots"),
+        (changed(flow={"name": "raft"}), "unknown flow method"),
+        (changed(flow={"name": "farneback", "windows": 3}), "unknown flow method"),
+        (changed(texture={"derivative": "scharr", "window": 4}), "window"),
+        (changed(texture={"derivative": "scharr"}), "texture.window"),
+        (changed(index=[{"covariate": "texture", "floor": 0.01}]), "index.0.weight"),
+        (table("gamma", [1.0, 1.0, -1.0, 1.0]), "gamma leaves its bounds"),
+        (table("w_L", [0.5, 0.5, 1.5, 0.5]), "w_L leaves its bounds"),
+        (table("gamma", [1.0, 1.0]), "differ in number"),
+        (table("gamma", [1.0, 1.0, float("inf"), 1.0]), "gamma"),
+        (table("delta", [1.0, 1.0, 1.0, 1.0]), "needs the parameters"),
+        (without("provenance"), "provenance"),
+        (without("table"), "table"),
+    ],
+)
+def test_a_bad_file_is_one_line_that_names_it(path, damage, message):
+    path.write_text(damage(json.loads(path.read_text())))
+    with pytest.raises(ModelError, match=message) as caught:
+        load_likelihood(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_and_binary_files_are_one_line(tmp_path):
+    (tmp_path / "binary.json").write_bytes(bytes(range(256)))
+    for name, message in (
+        ("none.json", "cannot read"),
+        (".", "cannot read"),
+        ("binary.json", "not a flowlik"),
+    ):
+        with pytest.raises(ModelError, match=message) as caught:
+            load_likelihood(tmp_path / name)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("index", [[], [{"covariate": "texture", "floor": 0.0, "weight": 1.0}]])
+def test_an_index_that_gives_no_coordinate_is_refused(path, index):
+    path.write_text(changed(index=index)(json.loads(path.read_text())))
+    with pytest.raises(ModelError, match=r"index|floor"):
+        load_likelihood(path)
