@@ -202,9 +202,6 @@ def test_two_distinct_points_are_degenerate(estimator):
     assert result.status is Status.DEGENERATE
 
 
-@pytest.mark.xfail(
-    strict=True, reason="a rotation without parallax is taken for solved: its direction is noise"
-)
 @every_estimator
 def test_a_pure_rotation_has_no_epipolar_direction(estimator):
     rng = np.random.default_rng(17)

@@ -16,7 +16,7 @@ LEAST_COMPONENTS = 1000
 OUTER_QUANTILE = 5e-4
 
 
-def place_knots(sketch: ErrorSketch, knots: int = 12) -> Array:
+def place_knots(sketch: ErrorSketch, knots: int = 16) -> Array:
     """Knots (M,) of x, evenly spaced over all but the outermost 0.05 % of the sketch on either side.
 
     Raises

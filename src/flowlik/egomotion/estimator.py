@@ -23,6 +23,9 @@ LEAST_RECIPROCAL_CONDITION = 1e-9
 # a step that gains less is a few hundredths of a standard deviation
 CONVERGED_NAT = 1e-3
 HALVINGS = 4
+NO_PARALLAX_SHARE = 0.95
+# a vector that leaves the image's half-space must not make a motion look better
+LOST_NAT = 50.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +107,13 @@ class Estimator:
         final = used if self.refine_all else inliers
         information = J[final].T @ (self.likelihood.fisher(x[final])[:, None] * J[final])
         status, reason = _conditioned(residual.basis(T), information)
-        if status is Status.SOLVED and ambiguous:
+        explained = residual.rotation_share(T, self._bound, self.likelihood.schedule.index)
+        if explained > NO_PARALLAX_SHARE * inliers.sum() / used.sum():
+            status, reason = (
+                Status.DEGENERATE,
+                "a rotation alone explains the flow: no parallax, no direction",
+            )
+        elif status is Status.SOLVED and ambiguous:
             status, reason = Status.AMBIGUOUS, "two motions have nearly as many points in front of the camera"
         per_vector = residual.components_per_vector if self.radius_px is not None else 1
         return EgoMotion(
@@ -186,7 +195,8 @@ class Estimator:
         def equations(T: Array) -> tuple[Array, Array, float]:
             z, J = residual.linearise(T)
             usable = chosen & np.isfinite(z)
-            return normal_equations(z, J, rows, fisher, usable, tables.log_prob, tables.weight)
+            H, b, log_prob = normal_equations(z, J, rows, fisher, usable, tables.log_prob, tables.weight)
+            return H, b, log_prob - LOST_NAT * (chosen.sum() - usable.sum())
 
         H, b, log_prob = equations(T)
         for _ in range(STEPS):

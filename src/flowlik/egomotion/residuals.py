@@ -23,6 +23,7 @@ SCORED_TOGETHER = 25
 STILL_PX = 0.1
 AMBIGUOUS_SHARE = 0.9
 
+Bound = Callable[[Array], Array]
 InliersOf = Callable[[Array], NDArray[np.bool_]]
 
 
@@ -67,7 +68,7 @@ class Residual(Protocol):
         """Hypotheses (M, ...) of minimal samples (K, minimal) of vectors."""
         ...
 
-    def bounds(self, bound: Callable[[Array], Array], index: Index, kept: NDArray[np.bool_]) -> Array:
+    def bounds(self, bound: Bound, index: Index, kept: NDArray[np.bool_]) -> Array:
         """Bounds [px] in the form `score` takes; components not in ``kept`` (N, 2) are left out."""
         ...
 
@@ -81,6 +82,10 @@ class Residual(Protocol):
 
     def still(self) -> bool:
         """Whether nothing moves, so that the residual says nothing about a motion."""
+        ...
+
+    def rotation_share(self, T: Array, bound: Bound, index: Index) -> float:
+        """Share of eigen-components that the motion's rotation alone explains within their bounds."""
         ...
 
     def kept_components(self, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -161,7 +166,7 @@ class KnownDepth:
         motions, converged = _kernels.three_point_motions(samples, start, directions, rho, ends, self._camera)
         return motions[converged]
 
-    def bounds(self, bound: Callable[[Array], Array], index: Index, kept: NDArray[np.bool_]) -> Array:
+    def bounds(self, bound: Bound, index: Index, kept: NDArray[np.bool_]) -> Array:
         """Bounds (N, 2) [px], -1 where left out."""
         return np.where(kept, bound(index.of(self.measurements.covariates)), -1.0)
 
@@ -177,6 +182,10 @@ class KnownDepth:
     def still(self) -> bool:
         """Return False: with known depth a standstill is a motion like any other."""
         return False
+
+    def rotation_share(self, T: Array, bound: Bound, index: Index) -> float:
+        """Return 0: with known depth a pure rotation is a motion like any other."""
+        return 0.0
 
     def kept_components(self, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Components (2N,) of kept eigen-components (N, 2)."""
@@ -246,7 +255,7 @@ class Epipolar:
         solutions = [five_point(first[sample], second[sample]) for sample in samples]
         return np.concatenate([np.empty((0, 3, 3)), *solutions])
 
-    def bounds(self, bound: Callable[[Array], Array], index: Index, kept: NDArray[np.bool_]) -> Array:
+    def bounds(self, bound: Bound, index: Index, kept: NDArray[np.bool_]) -> Array:
         """Bounds (N, 17) [px] over nodes of the normal's pseudo-angle: they depend on its direction."""
         p = np.linspace(-1, 1, ANGLES)
         normals = np.stack([1 - np.abs(p), p], axis=-1)
@@ -273,6 +282,13 @@ class Epipolar:
     def still(self) -> bool:
         """Whether half of the flow is below a tenth of a pixel: there is no direction to find."""
         return bool(np.median(np.linalg.norm(self.measurements.flow, axis=1)) < STILL_PX)
+
+    def rotation_share(self, T: Array, bound: Bound, index: Index) -> float:
+        """Share of eigen-components that points at infinity would explain: near 1 there is no parallax."""
+        m, c = self.measurements, self.camera
+        at_infinity = KnownDepth(m, c, np.zeros(len(m)))
+        z, _ = at_infinity.linearise(T)
+        return float(np.mean(np.abs(z) <= bound(at_infinity.coordinates(T, index))))
 
     def kept_components(self, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Vectors (N,) of which any eigen-component is kept."""
