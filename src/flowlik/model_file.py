@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from flowlik.errors import FlowlikError, ModelError
 from flowlik.families import error_family
 from flowlik.files import atomic_write
-from flowlik.flow import flow_method
+from flowlik.flow import describe, flow_method
 from flowlik.likelihood import FlowLikelihood
 from flowlik.schedule import Index, Schedule, Term
 from flowlik.texture import TextureDefinition
@@ -97,7 +97,6 @@ def load_likelihood(path: Path | str) -> FlowLikelihood:
             )
         if len({len(content.knots), *map(len, content.table.values())}) != 1:
             raise ModelError("knots and parameters differ in number")
-        flow_method(content.flow)
         return FlowLikelihood(
             family,
             Schedule(
@@ -106,7 +105,7 @@ def load_likelihood(path: Path | str) -> FlowLikelihood:
                 np.array([content.table[name] for name in names], dtype=np.float64),
             ),
             TextureDefinition(content.texture.derivative, content.texture.window),
-            content.flow,
+            describe(flow_method(content.flow)),
             content.provenance,
             content.goodness,
         )

@@ -89,6 +89,13 @@ class Schedule:
         """Return a schedule of the same parameters (P,) everywhere."""
         return cls(Index(), np.array([-1e3, 1e3]), np.repeat(np.asarray(theta, float)[:, None], 2, axis=1))
 
+    @property
+    def name(self) -> str:
+        """``"constant"``, or the covariates of the index: ``"texture"`` is the paper's schedule."""
+        if not np.ptp(self.values, axis=1).any():
+            return "constant"
+        return "+".join(term.covariate for term in self.index.terms)
+
     def theta(self, x: Array | float) -> Array:
         """Parameters (P, ...) at coordinates x (...)."""
         return np.stack([np.interp(x, self.knots, row) for row in self.values])

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
 
 THREADS = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
@@ -23,12 +24,21 @@ def in_bands(work: Callable[[int, int], object], rows: int, band: int) -> None:
     rows : int
         Number of rows.
     band : int
-        Rows a band; so many that a call outweighs the 0.1 ms a thread costs.
+        Rows a band; so many that a call outweighs the handful of microseconds that handing it over costs.
     """
     bands = [(first, min(first + band, rows)) for first in range(0, rows, band)]
     if len(bands) < 2 or THREADS < 2:
         for first, last in bands:
             work(first, last)
         return
-    with ThreadPoolExecutor(min(THREADS, len(bands))) as threads:
-        list(threads.map(lambda limits: work(*limits), bands))
+    list(_pool().map(lambda limits: work(*limits), bands))
+
+
+@lru_cache(maxsize=1)
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(THREADS, thread_name_prefix="flowlik")
+
+
+# threads do not survive a fork: the child makes its own
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pool.cache_clear)

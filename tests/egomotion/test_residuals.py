@@ -4,7 +4,7 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik import motion, threads
 from flowlik.egomotion import KnownDepth
-from flowlik.egomotion.residuals import five_point
+from flowlik.egomotion.epipolar import five_point
 from flowlik.errors import DataError
 from flowlik.schedule import Index
 from tests.helpers import CAMERA, finite_difference, lcm_likelihood, make_scene, random_motion

@@ -15,6 +15,8 @@ def main() -> None:
     except FlowlikError as error:
         print(f"flowlik: {error}", file=sys.stderr)
         sys.exit(2)
-    except KeyboardInterrupt:
-        print("flowlik: interrupted; nothing half-written was left", file=sys.stderr)
-        sys.exit(130)
+    except SystemExit as end:
+        # what typer makes of a KeyboardInterrupt
+        if end.code == 130:
+            print("flowlik: interrupted; nothing half-written was left", file=sys.stderr)
+        raise

@@ -8,6 +8,7 @@ from pathlib import Path
 from flowlik.calibration import sketch_blocks, split_blocks
 from flowlik.commands.calibrate import add_evidence
 from flowlik.datasets import open_sequence
+from flowlik.errors import DataError
 from flowlik.flow import flow_method
 from flowlik.model_file import load_likelihood
 from flowlik.progress import Progress, no_progress
@@ -41,6 +42,11 @@ def evaluate(
         Command line that repeats the run.
     progress : Progress
         Told how far it is.
+
+    Raises
+    ------
+    DataError
+        If a sequence cannot be read, lacks its truth, or has no errors to evaluate.
     """
     likelihood = load_likelihood(model)
     method = flow_method(likelihood.method or {})
@@ -50,6 +56,8 @@ def evaluate(
         blocks = split_blocks(sequence, seed)
         sketched = sketch_blocks(blocks, (method,), likelihood.schedule.index, likelihood.texture)
         sketches = [s[0] for s in progress(sketched, f"errors on {sequence.name}", len(blocks))]
+        if not any(s.total for s in sketches):
+            raise DataError(f"{sequence.name}: no errors to evaluate (one image, no texture or no truth?)")
         label = f"{method.name}-{sequence.name.replace('/', '-')}"
         models = {likelihood.family.name: likelihood}
         add_evidence(run, sketches, models, sequence.name, label, seed, 10_000, 1, split="evaluation")

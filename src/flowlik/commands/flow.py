@@ -104,6 +104,8 @@ def _read_truth(path: Path, shape: tuple[int, ...]) -> Array:
     if truth.shape[:2] != shape:
         sizes = f"{truth.shape[1]}x{truth.shape[0]}, the images {shape[1]}x{shape[0]}"
         raise DataError(f"{path}: true flow of {sizes}")
+    if not np.isfinite(truth).any():
+        raise DataError(f"{path}: no true flow is known")
     return truth
 
 

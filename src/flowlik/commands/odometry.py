@@ -94,10 +94,12 @@ def odometry(
         "data": str(data), "model": None if model is None else str(model), "estimator": estimator,
         "residual": kind, "scale": scale, "gate": gate, "frames": frames,
     }  # fmt: skip
+    count = len(sequence) if frames is None else min(frames, len(sequence))
+    # a pose file that cannot be used is told before the work, not after it
+    truth = true_trajectory(sequence, count)
     run = RunFolder(out, command, config, seed)
 
     robot = Odometry(sequence.camera, flow, chosen, seed)
-    count = len(sequence) if frames is None else min(frames, len(sequence))
     loop = run_odometry(sequence, robot, kind, cast(ScaleSource, scale), frames)
     start = time.perf_counter()
     motions = list(progress(loop, f"{estimator} on {sequence.name}", count - 1))
@@ -110,7 +112,6 @@ def odometry(
     write_kitti(run.path / "trajectory_kitti.txt", estimated)
     write_tum(run.path / "trajectory_tum.txt", estimated)
     _write_frames(run.path / "frames.csv", estimated, motions)
-    truth = true_trajectory(sequence, count)
     keys = {
         "residual": kind, "scale": scale, "boresight": "none", "self_calibrate": "false",
         "gate": "none" if gate is None else gate, "features": features_of(flow),
@@ -131,6 +132,8 @@ def choose(
     """Flow method and estimator of command-line options."""
     if estimator not in ESTIMATORS:
         raise DataError(f"unknown estimator {estimator!r}: known are {', '.join(ESTIMATORS)}")
+    if gate is not None and not 0 <= gate < np.inf:
+        raise DataError(f"--gate must be a texture of at least 0, not {gate}")
     if model is None:
         if estimator != "ransac":
             raise DataError(f"--estimator {estimator} needs --model, a file that `flowlik calibrate` makes")
@@ -165,9 +168,9 @@ def _records(
     keys: dict[str, object],
     seconds: float,
 ) -> list[Record]:
-    family = estimator.likelihood.family.name
+    family, schedule = estimator.likelihood.family.name, estimator.likelihood.schedule.name
     base = Record(
-        "frames_per_second", len(motions) / seconds, "1/s", sequence.name, flow.name, family, None,
+        "frames_per_second", len(motions) / seconds, "1/s", sequence.name, flow.name, family, schedule,
         estimator.name, len(motions), seed,
         protocol(**keys, includes="decoding, flow, estimation, compilation"),
     )  # fmt: skip
@@ -175,7 +178,7 @@ def _records(
     if truth is None:
         return records
     errors = trajectory_records(
-        estimated, truth, sequence.name, flow.name, family, estimator.name, seed, **keys
+        estimated, truth, sequence.name, flow.name, family, schedule, estimator.name, seed, **keys
     )
     if keys["scale"] == "none":
         unscaled = "; " + protocol(reason="without a scale the trajectory has no unit of length")

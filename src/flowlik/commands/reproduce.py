@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -177,10 +177,11 @@ def _fly(
                 steps[name].append(RigidTransform.identity() if motion is None else motion)
         trajectories = {name: Trajectory(truth.timestamps, chain(moves)) for name, moves in steps.items()}
         for name, trajectory in trajectories.items():
-            family = "lcm" if name in ("lcmsac", "mle") else "gaussian"
             keys = {"residual": "depth", "gate": "none", "features": features_of(method), "scale": "depth"}
-            note = {"dataset": flight.label, "flow": method.name, "family": family, "estimator": name}
-            run.records += trajectory_records(trajectory, truth, **note, seed=flight.seed, **keys)
+            note = {"dataset": flight.label, "flow": method.name, "estimator": name, **_density(name)}
+            errors = trajectory_records(trajectory, truth, **note, seed=flight.seed, **keys)
+            # the flights are too short for the KITTI metric
+            run.records += [record for record in errors if record.value is not None]
             run.records.append(
                 Record(
                     "unsolved_fraction",
@@ -258,11 +259,27 @@ def _add_ratios(run: RunFolder, plan: Plan) -> None:
                 interval_95=f"{low:.3f} … {high:.3f}",
             )  # fmt: skip
             value = float(np.median(row) / np.median(reference))
-            family = "lcm" if name in ("lcmsac", "mle") else "gaussian"
-            record = Record(
-                "rpe_trans_ratio_to_ransac", value, "", "planes-held-out", method, family, None, str(name)
+            run.records.append(
+                Record(
+                    "rpe_trans_ratio_to_ransac",
+                    value,
+                    "",
+                    dataset="planes-held-out",
+                    flow=method,
+                    estimator=str(name),
+                    **_density(str(name)),
+                    count=len(row),
+                    seed=run.seed,
+                    protocol=note,
+                )
             )
-            run.records.append(replace(record, count=len(row), seed=run.seed, protocol=note))
+
+
+def _density(estimator: str) -> dict[str, str]:
+    """Family and schedule behind an estimator's name."""
+    if estimator in ("lcmsac", "mle"):
+        return {"family": "lcm", "schedule": "texture"}
+    return {"family": "gaussian", "schedule": "constant"}
 
 
 def _ratio_interval(errors: Array, reference: Array, rng: np.random.Generator) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.camera import Array
 from flowlik.egomotion import _kernels
-from flowlik.egomotion.residuals import Residual
+from flowlik.egomotion.residual import Residual
 from flowlik.egomotion.result import EgoMotion, Status, unsolved
 from flowlik.likelihood import FlowLikelihood
 from flowlik.tables import normal_equations

@@ -57,10 +57,14 @@ def goodness_records(
     sketch = merge_all(blocks, blocks[0].index)
     ks = kolmogorov_smirnov(sketch, likelihood, least_components, least_frames)
     rng = np.random.default_rng(seed)
-    nll_low, nll_high = block_interval(blocks, lambda s: negative_log_likelihood(s, likelihood), rng)
-    ks_low, ks_high = block_interval(
-        blocks, lambda s: kolmogorov_smirnov(s, likelihood, least_components, least_frames).median, rng
-    )
+    filled = [block for block in blocks if block.total]
+    nll_low, nll_high = block_interval(filled, lambda s: negative_log_likelihood(s, likelihood), rng)
+    ks_interval = "none"
+    if ks.counted.any():
+        ks_low, ks_high = block_interval(
+            filled, lambda s: kolmogorov_smirnov(s, likelihood, least_components, least_frames).median, rng
+        )
+        ks_interval = f"{ks_low:.4f} … {ks_high:.4f}"
     excluded = ", ".join(f"{count} {reason}" for reason, count in sketch.excluded.items() if count)
     note = protocol(**keys, frames=sketch.pairs, excluded=excluded or "none")
     levels = f"levels>={least_components} from >={least_frames} frames".replace(">=", "≥")
@@ -71,11 +75,9 @@ def goodness_records(
             levels=levels,
             counted=f"{int(ks.counted.sum())} of {int((ks.counts > 0).sum())}",
             counted_share=f"{ks.counted_share:.3f}",
-            signed_median=f"{ks.signed_median:.4f}",
         )
     )
     method = (likelihood.method or {}).get("name")
-    schedule = "+".join(term.covariate for term in likelihood.schedule.index.terms)
 
     def record(metric: str, value: float, unit: str, note: str) -> Record:
         return Record(
@@ -85,7 +87,7 @@ def goodness_records(
             dataset,
             method,
             likelihood.family.name,
-            schedule,
+            likelihood.schedule.name,
             None,
             sketch.total,
             seed,
@@ -104,9 +106,10 @@ def goodness_records(
             "ks_median",
             ks.median,
             "",
-            counted + "; " + protocol(**{interval: f"{ks_low:.4f} … {ks_high:.4f}", "bootstrap": "blocks"}),
+            counted + "; " + protocol(**{interval: ks_interval, "bootstrap": "blocks"}),
         ),
         record("ks_max", ks.maximum, "", counted),
+        record("ks_signed_median", ks.signed_median, "", counted),
         record("ks_weighted_mean", ks.weighted_mean, "", note),
         *(record(f"coverage_{c * 100:.0f}", coverage(sketch, likelihood, c), "", note) for c in CONFIDENCES),
         record("outside_fraction", outside_range(sketch, likelihood), "", note),
@@ -153,7 +156,8 @@ def table(sketch: ErrorSketch, likelihood: FlowLikelihood) -> dict[str, Any]:
 def distributions(sketch: ErrorSketch, likelihood: FlowLikelihood) -> dict[str, Array]:
     """Arrays of the paper's Fig. 5: empirical against fitted densities of signed errors at some textures."""
     edges, centres, x = magnitude_nodes()[::8], magnitude_centres(), bin_centres()
-    middles = np.sqrt(edges[:-1] * edges[1:])
+    edges[0] = 0.0  # the first bin holds all errors below it
+    middles = 0.5 * (edges[:-1] + edges[1:])
     widths = np.diff(edges)
     density = likelihood.family.pdf(centres, likelihood.schedule.theta(x)[:, :, None])
     levels, zs, empirical, fitted = [], [], [], []

@@ -37,6 +37,7 @@ def trajectory_records(
     dataset: str,
     flow: str | None = None,
     family: str | None = None,
+    schedule: str | None = None,
     estimator: str | None = None,
     seed: int | None = None,
     **keys: object,
@@ -50,7 +51,7 @@ def trajectory_records(
     ----------
     estimated, truth : Trajectory
         Poses of the same frames.
-    dataset, flow, family, estimator, seed
+    dataset, flow, family, schedule, estimator, seed
         Keys of the records.
     **keys
         Keys of the protocol, such as ``scale``.
@@ -58,7 +59,6 @@ def trajectory_records(
     note = protocol(align="none", **keys, frames=len(truth))
 
     def record(metric: str, value: float | None, unit: str, count: int, extra: str = "") -> Record:
-        schedule = "texture" if family not in (None, "gaussian") else None
         full = f"{note}; {extra}" if extra else note
         return Record(metric, value, unit, dataset, flow, family, schedule, estimator, count, seed, full)
 

@@ -25,7 +25,7 @@ class LaplaceCauchy(ErrorFamily):
     .. math:: w_L \tfrac{\lambda}{2} e^{-\lambda |z|} + (1 - w_L) \frac{\gamma}{\pi (\gamma^2 + z^2)},
               \qquad \lambda = \tan(\tfrac{\pi}{2}\beta)
 
-    Parameters ``beta`` in (0, 1) (``lambda`` is in 1/px), ``gamma`` > 0 [px], ``w_L`` in [0, 1].
+    Parameters ``beta`` in (0, 1) (``lambda`` is in 1/px), ``gamma`` > 0 [px], ``w_L`` in (0, 1).
     """
 
     name: ClassVar[str] = "lcm"

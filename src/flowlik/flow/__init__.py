@@ -35,9 +35,12 @@ def flow_method(description: str | Mapping[str, Any]) -> FlowMethod:
     parameters = dict(description)
     name = parameters.pop("name", None)
     try:
-        return METHODS[name](**parameters)
+        method = METHODS[name](**parameters)
     except (KeyError, TypeError):
         raise ModelError(f"unknown flow method {dict(description)}: known are {', '.join(METHODS)}") from None
+    if not all(isinstance(v, int | float) and 0 < v < 1000 for v in parameters.values()):
+        raise ModelError(f"flow method {dict(description)}: parameters must be positive numbers")
+    return method
 
 
 __all__ = [

@@ -1,0 +1,111 @@
+"""Kernels at speed: LCMSAC against OpenCV's PnP, texture against its twin, sketching against numpy's."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from flowlik.calibration import ErrorSketch
+from flowlik.calibration.sketch import _count, x_edges
+from flowlik.egomotion import KnownDepth, lcmsac
+from flowlik.families import LaplaceCauchy
+from flowlik.flow import Farneback, describe
+from flowlik.likelihood import FlowLikelihood
+from flowlik.measurements import measure, stratified_pixels
+from flowlik.records import Record, write_records
+from flowlik.schedule import Index, Schedule
+from flowlik.simulation import simulate
+from flowlik.tables import magnitude_nodes
+from flowlik.texture import eigenbasis, structure_tensor
+from timing import ratio
+
+
+def model() -> FlowLikelihood:
+    """A plausible table; speed does not depend on its values."""
+    knots = np.log(np.geomspace(0.1, 2000, 12))
+    scale = np.clip(2 * np.exp(-0.5 * knots), 0.04, 3)
+    values = np.stack([2 / np.pi * np.arctan(1 / scale), 2 * scale, np.full(12, 0.6)])
+    return FlowLikelihood(LaplaceCauchy(), Schedule(Index(), knots, values), method=describe(Farneback()))
+
+
+def estimation(radius_px: float) -> tuple[float, float, float]:
+    """200 hypotheses over 4000 points with refinement, against solvePnPRansac at 200 iterations."""
+    sequence = simulate(frames=2, seed=7)
+    rng = np.random.default_rng(0)
+    pixels = stratified_pixels((sequence.camera.height, sequence.camera.width), 4000, rng)
+    m = measure(sequence.image(0), sequence.image(1), Farneback(), pixels=pixels)
+    residual = KnownDepth.of(m, sequence.camera, sequence.depth(0))
+    # no early stop on either side
+    estimator = replace(lcmsac(model()), most_hypotheses=200, success=1 - 1e-15)
+    points = sequence.camera.p2v(residual.measurements.pixels) / residual.rho[:, None]
+    ends = residual.measurements.pixels + residual.measurements.flow
+
+    def opencv() -> None:
+        cv2.solvePnPRansac(
+            points, ends, sequence.camera.K, None, iterationsCount=200, reprojectionError=radius_px,
+            confidence=1 - 1e-15,
+        )  # fmt: skip
+
+    return ratio(lambda: estimator.estimate(residual, 0), opencv)
+
+
+def texture() -> tuple[float, float, float]:
+    """Structure tensor and eigenbasis of a frame against cv2.cornerEigenValsAndVecs."""
+    image = simulate(frames=2, seed=7).image(0)
+    return ratio(lambda: eigenbasis(structure_tensor(image)), lambda: cv2.cornerEigenValsAndVecs(image, 5, 3))
+
+
+def sketch(same_bins: bool) -> tuple[float, float, float]:
+    """Two million components against numpy's histogram2d.
+
+    Either of the same bins, or numpy's fastest case: uniform bins of the logarithm, which it need not search.
+    """
+    rng = np.random.default_rng(0)
+    x, z = rng.uniform(-4, 11, 2_000_000), rng.standard_cauchy(2_000_000)
+    sign = np.ones_like(z)
+    counts = ErrorSketch.empty(Index()).counts
+    first, step = x_edges()[0], x_edges()[1] - x_edges()[0]
+    edges = np.concatenate([-magnitude_nodes()[::-1], magnitude_nodes()])
+    bins = counts.shape[0], counts.shape[2]
+
+    def histogram() -> None:
+        if same_bins:
+            np.histogram2d(x, z * sign, bins=(x_edges(), edges))
+        else:
+            np.histogram2d(x, np.log(np.abs(z)), bins=bins, range=((-4.6, 11.5), (-9.7, 6.9)))
+
+    return ratio(lambda: _count(x, z, sign, first, 1 / step, counts), histogram, repeats=5)
+
+
+CASES = {
+    "lcmsac / solvePnPRansac 0.5 px": lambda: estimation(0.5),
+    "lcmsac / solvePnPRansac 2 px": lambda: estimation(2.0),
+    "texture / cornerEigenValsAndVecs": texture,
+    "sketch / histogram2d, same bins": lambda: sketch(True),
+    "sketch / histogram2d, uniform log bins": lambda: sketch(False),
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, help="folder for metrics.json")
+    out = parser.parse_args().out
+    records = []
+    print(f"{'case':<40} {'ours ms':>9} {'theirs ms':>10} {'ratio':>7}")
+    for name, case in CASES.items():
+        ours, theirs, quotient = case()
+        print(f"{name:<40} {ours:9.2f} {theirs:10.2f} {quotient:7.3f}", flush=True)
+        note = (
+            f"case={name}; ours_ms={ours:.3f}; theirs_ms={theirs:.3f}; statistic=median of interleaved runs"
+        )
+        records.append(Record("time_ratio", quotient, "", protocol=note))
+    if out:
+        write_records(out / "metrics.json", records)
+
+
+if __name__ == "__main__":
+    main()

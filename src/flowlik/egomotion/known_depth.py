@@ -1,0 +1,115 @@
+"""Flow of points of known depth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flowlik.camera import Array, Pinhole
+from flowlik.egomotion import _kernels
+from flowlik.egomotion.residual import Bound, InliersOf, count_inliers
+from flowlik.errors import DataError
+from flowlik.measurements import Measurements
+from flowlik.schedule import Index
+
+
+@dataclass(frozen=True, eq=False)
+class KnownDepth:
+    """Flow of points of known depth: two eigen-components a vector, z = R_e_i (y - h)."""
+
+    minimal: ClassVar[int] = 3
+    components_per_vector: ClassVar[int] = 2
+    metric: ClassVar[bool] = True
+    measurements: Measurements
+    camera: Pinhole
+    rho: Array
+    excluded: dict[str, int] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, measurements: Measurements, camera: Pinhole, depth_z: Array) -> KnownDepth:
+        """Residual of measurements with a depth map (H, W) [m] along z, or depths (N,) at their pixels.
+
+        Vectors whose depth is NaN, zero, negative or infinite are left out and counted. A map is read
+        at the nearest pixel: depth must not be interpolated across an edge.
+
+        Raises
+        ------
+        DataError
+            If the depth map's size is not the camera's.
+        """
+        if depth_z.ndim == 2:
+            if depth_z.shape != (camera.height, camera.width):
+                size = f"{camera.width}x{camera.height}"
+                raise DataError(f"depth map of {depth_z.shape[1]}x{depth_z.shape[0]} for a camera of {size}")
+            column, row = np.rint(measurements.pixels).astype(int).T
+            depth_z = depth_z[row, column]
+        elif depth_z.shape != (len(measurements),):
+            raise DataError(f"{len(measurements)} measurements, but depths of shape {depth_z.shape}")
+        usable = np.isfinite(depth_z) & (depth_z > 0)
+        kept = measurements.select(usable)
+        scale = np.linalg.norm(camera.rays(kept.pixels), axis=-1)
+        excluded = {"no depth": int((~usable).sum()), "no flow": measurements.lost}
+        return cls(kept, camera, 1.0 / (depth_z[usable] * scale), excluded)
+
+    def __post_init__(self) -> None:
+        m, c = self.measurements, self.camera
+        arrays = (c.p2v(m.pixels), self.rho, m.pixels + m.flow, m.R_i_e)
+        object.__setattr__(self, "_points", tuple(np.ascontiguousarray(a) for a in arrays))
+        object.__setattr__(self, "_camera", (c.fx, c.fy, c.cx, c.cy))
+
+    _points: tuple[Array, ...] = field(init=False, repr=False)
+    _camera: tuple[float, ...] = field(init=False, repr=False)
+
+    def __len__(self) -> int:
+        """Return the number of flow vectors."""
+        return len(self.rho)
+
+    def linearise(self, T: Array) -> tuple[Array, Array]:
+        """Errors z (2N,) [px] and Jacobian (2N, 6); NaN errors behind the camera."""
+        return _kernels.linearise_depth(T, *self._points, self._camera)
+
+    def coordinates(self, T: Array, index: Index) -> Array:
+        """Coordinates x (2N,), the same at every motion."""
+        return index.of(self.measurements.covariates).ravel()
+
+    def basis(self, T: Array) -> Array:
+        """All six directions are observable."""
+        return np.eye(6)
+
+    def propose(self, samples: NDArray[np.intp], start: Array) -> Array:
+        """Motions (M, 3, 4) through three points each, those that converged from `start`."""
+        directions, rho, ends, _ = self._points
+        motions, converged = _kernels.three_point_motions(samples, start, directions, rho, ends, self._camera)
+        return motions[converged]
+
+    def bounds(self, bound: Bound, index: Index, kept: NDArray[np.bool_]) -> Array:
+        """Bounds (N, 2) [px], -1 where left out."""
+        return np.where(kept, bound(index.of(self.measurements.covariates)), -1.0)
+
+    def score(self, hypotheses: Array, bounds: Array, by_vector: bool) -> NDArray[np.int64]:
+        """Inlier components, or vectors, of each motion."""
+        inputs = (hypotheses, *self._points, self._camera, bounds, by_vector)
+        return count_inliers(_kernels.score_depth, inputs, len(hypotheses))
+
+    def motion(self, hypothesis: Array, inliers_of: InliersOf) -> tuple[Array, bool]:
+        """Return the hypothesis, which is a motion."""
+        return hypothesis, False
+
+    def still(self) -> bool:
+        """Return False: with known depth a standstill is a motion like any other."""
+        return False
+
+    def rotation_share(self, T: Array, bound: Bound, index: Index) -> float:
+        """Return 0: with known depth a pure rotation is a motion like any other."""
+        return 0.0
+
+    def kept_components(self, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Components (2N,) of kept eigen-components (N, 2)."""
+        return kept.ravel()
+
+    def normalise(self, T: Array) -> Array:
+        """Return the motion unchanged: depth makes it metric."""
+        return T

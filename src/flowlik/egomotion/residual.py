@@ -1,0 +1,96 @@
+"""The Residual protocol: what turns a motion into error components (z, J, x) for a likelihood."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flowlik.camera import Array
+from flowlik.measurements import Measurements
+from flowlik.schedule import Index
+from flowlik.threads import in_bands
+
+SCORED_TOGETHER = 25
+
+Bound = Callable[[Array], Array]
+InliersOf = Callable[[Array], NDArray[np.bool_]]
+
+
+class Residual(Protocol):
+    """The four steps of an estimator need this much of a problem.
+
+    Motions are (3, 4) matrices ``[R | t]`` of ``T_k_prev``. A hypothesis is what a minimal sample gives:
+    a motion for known depth, an essential matrix for the epipolar residual.
+    """
+
+    minimal: ClassVar[int]
+    components_per_vector: ClassVar[int]
+    metric: ClassVar[bool]
+
+    @property
+    def measurements(self) -> Measurements:
+        """Flow vectors in use."""
+        ...
+
+    @property
+    def excluded(self) -> dict[str, int]:
+        """Flow vectors left out, by reason."""
+        ...
+
+    def __len__(self) -> int:
+        """Return the number of flow vectors."""
+        ...
+
+    def linearise(self, T: Array) -> tuple[Array, Array]:
+        """Errors z (C,) [px] and their Jacobian (C, 6) at a motion; NaN errors where there is no image."""
+        ...
+
+    def coordinates(self, T: Array, index: Index) -> Array:
+        """Schedule coordinates x (C,) of the errors at a motion."""
+        ...
+
+    def basis(self, T: Array) -> Array:
+        """Observable directions (6, D) of the tangent at a motion."""
+        ...
+
+    def propose(self, samples: NDArray[np.intp], start: Array) -> Array:
+        """Hypotheses (M, ...) of minimal samples (K, minimal) of vectors."""
+        ...
+
+    def bounds(self, bound: Bound, index: Index, kept: NDArray[np.bool_]) -> Array:
+        """Bounds [px] in the form `score` takes; components not in ``kept`` (N, 2) are left out."""
+        ...
+
+    def score(self, hypotheses: Array, bounds: Array, by_vector: bool) -> NDArray[np.int64]:
+        """Inliers of each hypothesis."""
+        ...
+
+    def motion(self, hypothesis: Array, inliers_of: InliersOf) -> tuple[Array, bool]:
+        """Motion (3, 4) that a hypothesis stands for, and whether another explains the data as well."""
+        ...
+
+    def still(self) -> bool:
+        """Whether nothing moves, so that the residual says nothing about a motion."""
+        ...
+
+    def rotation_share(self, T: Array, bound: Bound, index: Index) -> float:
+        """Share of eigen-components that the motion's rotation alone explains within their bounds."""
+        ...
+
+    def kept_components(self, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Which components (C,) a gate on eigen-components (N, 2) keeps."""
+        ...
+
+    def normalise(self, T: Array) -> Array:
+        """Return the motion with what is unobservable set by convention."""
+        ...
+
+
+def count_inliers(kernel: Callable[..., None], inputs: tuple[Any, ...], hypotheses: int) -> NDArray[np.int64]:
+    """Inliers of hypotheses (K,) by a scoring kernel, in bands on threads."""
+    counts = np.zeros(hypotheses, np.int64)
+    in_bands(lambda first, last: kernel(*inputs, first, last, counts), hypotheses, SCORED_TOGETHER)
+    return counts
