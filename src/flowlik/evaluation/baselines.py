@@ -24,6 +24,8 @@ def opencv_pnp(residual: KnownDepth, radius_px: float = 0.5, iterations: int = 2
         Most hypotheses.
     """
     m, K = residual.measurements, residual.camera.K
+    if len(m) < 4:
+        return None
     points = residual.camera.p2v(m.pixels) / residual.rho[:, None]
     ends = m.pixels + m.flow
     found, rotation, translation, inliers = cv2.solvePnPRansac(

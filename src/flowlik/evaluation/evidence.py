@@ -67,7 +67,7 @@ def goodness_records(
         ks_interval = f"{ks_low:.4f} … {ks_high:.4f}"
     excluded = ", ".join(f"{count} {reason}" for reason, count in sketch.excluded.items() if count)
     note = protocol(**keys, frames=sketch.pairs, excluded=excluded or "none")
-    levels = f"levels>={least_components} from >={least_frames} frames".replace(">=", "≥")
+    levels = f"≥{least_components} components from ≥{least_frames} frames"
     counted = (
         note
         + "; "

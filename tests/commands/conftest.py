@@ -1,0 +1,3 @@
+from tests.commands.quick import quick
+
+__all__ = ["quick"]

@@ -1,0 +1,40 @@
+"""A fixture for tests of whole commands, which are about the chain and not about its quality."""
+
+import sys
+from functools import partial
+
+import pytest
+
+import flowlik.calibration  # noqa: F401 (loads the module taken from sys.modules below)
+from flowlik.evaluation import evidence
+from flowlik.evaluation.goodness import block_interval
+from flowlik.report import page, style
+
+DRAWN: dict = {}
+
+
+def cache_by_kind(render):
+    def render_once(kind, data):
+        if kind not in DRAWN:
+            DRAWN[kind] = render(kind, data)
+        return DRAWN[kind]
+
+    return render_once
+
+
+@pytest.fixture(scope="package", autouse=True)
+def quick():
+    """Fits of few iterations, intervals of few replicates, one figure of few pixels a kind."""
+    module = sys.modules["flowlik.calibration.fit"]  # the package's attribute of this name is the function
+    minimize = module.minimize
+
+    def minimize_a_little(*args, options, **keywords):
+        return minimize(*args, options={**options, "maxiter": 15}, **keywords)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "minimize", minimize_a_little)
+        patch.setattr(evidence, "block_interval", partial(block_interval, replicates=5))
+        patch.setattr(style, "DPI", 30)
+        # drawing takes a second a figure: tests/report looks at each, here one of a kind will do
+        patch.setattr(page, "render", cache_by_kind(page.render))
+        yield

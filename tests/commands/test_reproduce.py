@@ -1,0 +1,95 @@
+import numpy as np
+import pytest
+
+from flowlik.commands.reproduce import BASELINE, METHODS, QUICK, Flight, Plan, reproduce
+from flowlik.model_file import load_likelihood
+from flowlik.records import read_records, select
+
+TINY = Plan(
+    width=96,
+    height=64,
+    fov_deg=120.0,
+    calibration=(Flight(0, "training", 6.0, 12), Flight(1, "training", 12.0, 12)),
+    held_out=(Flight(100, "curve", 6.0, 10),),
+    least_components=500,
+    least_frames=5,
+)
+ESTIMATORS = ("ransac", "lcmsac", "mle", BASELINE)
+
+
+@pytest.fixture(scope="module")
+def run(quick, tmp_path_factory):
+    tasks = []
+
+    def progress(items, what, total):
+        count = 0
+        for item in items:
+            yield item
+            count += 1
+        tasks.append((what, count, total))
+
+    done = reproduce(tmp_path_factory.mktemp("reproduce") / "run", TINY, progress=progress)
+    assert tasks and all(count == total for _, count, total in tasks)
+    return done
+
+
+def test_models_metrics_figures_and_page_are_left(run):
+    for method in METHODS:
+        model = load_likelihood(run.path / "models" / f"{method}.json")
+        assert (model.method["name"], model.family.name, model.provenance["pairs"]) == (method, "lcm", 24)
+    assert read_records(run.path / "metrics.json") == run.records
+    stems = {path.stem for path in (run.path / "data").iterdir()}
+    for suffix in ("png", "svg"):
+        assert {path.stem for path in (run.path / "figures").glob(f"*.{suffix}")} == stems
+    kinds = {stem.split("--")[0] for stem in stems}
+    assert kinds == {
+        "coverage", "distributions", "error-over-texture", "flow-sequence", "frame-errors", "goodness",
+        "table", "trajectories",
+    }  # fmt: skip
+    assert (run.path / "report.html").stat().st_size > 100_000
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_family_is_judged_on_both_populations(run, method):
+    for dataset, split in [("planes-calibration", "calibration"), (TINY.held_out[0].label, "held-out")]:
+        for family in ("lcm", "log-logistic", "gaussian"):
+            for metric in ("nll", "ks_median", "coverage_90", "outside_fraction"):
+                (record,) = select(
+                    run.records, dataset=dataset, flow=method, family=family, metric=metric, estimator=None
+                )
+                assert record.value is not None
+                assert f"split={split}" in record.protocol
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_estimator_flies_and_is_compared(run, method):
+    flight = TINY.held_out[0].label
+    for estimator in ESTIMATORS:
+        records = select(run.records, dataset=flight, flow=method, estimator=estimator)
+        found = {record.metric: record for record in records}
+        assert {"drift_percent", "rpe_trans_median_m", "rpe_rot_median_deg", "unsolved_fraction"} <= set(
+            found
+        )
+        assert found["unsolved_fraction"].value == 0
+        assert "residual=depth" in found["rpe_trans_median_m"].protocol
+    reference = median_error(run, method, "ransac")
+    ratios = select(run.records, metric="rpe_trans_ratio_to_ransac", flow=method)
+    assert {ratio.estimator for ratio in ratios} == set(ESTIMATORS) - {"ransac"}
+    for ratio in ratios:
+        assert ratio.value == pytest.approx(median_error(run, method, ratio.estimator) / reference)
+        assert ratio.count == 10
+        assert "bootstrap=blocks of 10 frames; interval_95=" in ratio.protocol
+
+
+def median_error(run, method, estimator):
+    arrays = np.load(run.path / "data" / f"frame-errors--{method}-{TINY.held_out[0].label}.npz")
+    return np.median(arrays["translation"][list(arrays["names"]).index(estimator)])
+
+
+def test_the_quick_plan_holds_out_worlds_paths_and_a_speed():
+    calibration, held_out = QUICK.calibration, QUICK.held_out
+    assert not {f.seed for f in calibration} & {f.seed for f in held_out}
+    assert not {f.trajectory for f in calibration} & {f.trajectory for f in held_out}
+    assert {f.speed_mps for f in held_out} - {f.speed_mps for f in calibration}
+    assert len({f.speed_mps for f in calibration}) > 1
+    assert sum(f.pairs for f in held_out) >= 100
