@@ -51,8 +51,11 @@ def test_a_run_may_be_repeated_and_leaves_no_figures_of_the_earlier_one(tmp_path
 
 def test_until_it_is_finished_a_repeated_run_is_none(tmp_path):
     finished(tmp_path)
-    RunFolder(tmp_path, "flowlik evaluate x", {})
+    run = RunFolder(tmp_path, "flowlik evaluate x", {})
+    assert (tmp_path / "run.json").exists()
+    run.begin()
     assert not (tmp_path / "run.json").exists()
+    RunFolder(tmp_path, "flowlik evaluate y", {}).begin()
 
 
 def other_files(folder):

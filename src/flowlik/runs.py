@@ -16,6 +16,7 @@ from flowlik.errors import DataError
 from flowlik.files import atomic_write, read_json, write_json
 from flowlik.records import Record, write_records
 
+FINISHED, UNFINISHED = "run.json", "unfinished.json"
 PACKAGES = ("flowlik", "numpy", "scipy", "numba", "opencv-python-headless")
 
 
@@ -23,7 +24,9 @@ PACKAGES = ("flowlik", "numpy", "scipy", "numba", "opencv-python-headless")
 class RunFolder:
     """A folder with ``run.json``, ``metrics.json``, ``data/`` and what the command itself leaves.
 
-    Results collect here and are written by `finish`; a folder without ``run.json`` is an unfinished run.
+    Results collect here and are written by `finish`. Until then ``unfinished.json`` stands for ``run.json``,
+    so that an interrupted run can be repeated in the same folder, and an earlier run is kept until the
+    first result of the new one is written.
 
     Parameters
     ----------
@@ -49,27 +52,34 @@ class RunFolder:
     records: list[Record] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     _written: set[Path] = field(default_factory=set)
+    _begun: bool = False
 
     def __post_init__(self) -> None:
         self.path = Path(self.path)
         if self.path.is_file():
             raise DataError(f"{self.path}: is a file; give a folder to --out")
         if self.path.is_dir() and any(self.path.iterdir()):
-            marker = self.path / "run.json"
-            earlier = read_json(marker) if marker.is_file() else {}
+            markers = [self.path / name for name in (FINISHED, UNFINISHED)]
+            earlier = next((read_json(marker) for marker in markers if marker.is_file()), None)
             if not isinstance(earlier, dict) or earlier.get("name") != self.name:
                 raise DataError(f"{self.path}: holds something else; choose another --out or empty it")
-            # until it is finished, the folder is no run
-            marker.unlink()
 
     @property
     def name(self) -> str:
         """The command's own name: its first two words."""
         return " ".join(self.command.split()[:2])
 
+    def begin(self) -> Path:
+        """Mark the folder as an unfinished run, before anything is written to it; return its path."""
+        if not self._begun:
+            write_json(self.path / UNFINISHED, {"name": self.name, "command": self.command})
+            (self.path / FINISHED).unlink(missing_ok=True)
+            self._begun = True
+        return self.path
+
     def save(self, kind: str, label: str, arrays: Mapping[str, ArrayLike]) -> None:
         """Write the arrays of one figure to ``data/<kind>--<label>.npz``."""
-        path = self.path / "data" / f"{kind}--{label}.npz"
+        path = self.begin() / "data" / f"{kind}--{label}.npz"
         with atomic_write(path, "wb") as file:
             contents: Any = {name: np.asarray(value) for name, value in arrays.items()}
             np.savez_compressed(file, **contents)
@@ -84,6 +94,7 @@ class RunFolder:
         """Write metrics and ``run.json``, draw figures and page, and return the page's path."""
         from flowlik.report import build
 
+        self.begin()
         for stale in set((self.path / "data").glob("*.npz")) - self._written:
             stale.unlink()
         write_records(self.path / "metrics.json", self.records)
@@ -95,7 +106,8 @@ class RunFolder:
             "versions": versions(),
             "warnings": self.warnings,
         }
-        write_json(self.path / "run.json", description)
+        write_json(self.path / FINISHED, description)
+        (self.path / UNFINISHED).unlink()
         return build(self.path)
 
 

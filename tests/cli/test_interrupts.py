@@ -40,9 +40,13 @@ def test_an_interrupted_file_does_not_appear(flight, tmp_path, monkeypatch):
     def interrupt(*_args, **_keywords):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("numpy.savez_compressed", interrupt)
-    assert call("calibrate", flight, "--method", "lucas-kanade", "--out", tmp_path / "run").code == 130
-    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+    command = ("calibrate", flight, "--method", "lucas-kanade", "--out", tmp_path / "run")
+    with monkeypatch.context() as patch:
+        patch.setattr("numpy.savez_compressed", interrupt)
+        assert call(*command).code == 130
+    assert [path.name for path in tmp_path.rglob("*") if path.is_file()] == ["unfinished.json"]
+    assert call(*command).code == 0
+    assert not (tmp_path / "run" / "unfinished.json").exists()
 
 
 def test_simulation_goes_on_where_it_was_interrupted(flight, tmp_path, interrupted, monkeypatch):

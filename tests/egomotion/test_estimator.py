@@ -288,7 +288,8 @@ def test_few_hypotheses_suffice_when_all_agree():
     assert ransac().estimate(scene.known_depth).hypotheses <= 50  # one batch
     assert Estimator("short", MODEL, most_hypotheses=7).estimate(scene.known_depth).hypotheses <= 7
     noisy = scene_of(15, n=300, outliers=0.8)
-    assert ransac().estimate(noisy.known_depth).hypotheses == 200
+    # ln 0.01 / ln(1 - 0.2^3) = 573 draws for one good sample, with probability 0.99
+    assert 400 <= ransac().estimate(noisy.known_depth).hypotheses <= 800
 
 
 def test_a_model_of_another_flow_is_refused():

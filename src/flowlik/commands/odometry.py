@@ -109,7 +109,7 @@ def odometry(
         raise DataError(f"{sequence.name}: no frame could be solved ({reason})")
 
     estimated = Trajectory(np.array(robot.timestamps), RigidTransform.concatenate(robot.poses))
-    write_kitti(run.path / "trajectory_kitti.txt", estimated)
+    write_kitti(run.begin() / "trajectory_kitti.txt", estimated)
     write_tum(run.path / "trajectory_tum.txt", estimated)
     _write_frames(run.path / "frames.csv", estimated, motions)
     keys = {

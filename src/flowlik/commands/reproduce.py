@@ -283,7 +283,7 @@ def _density(estimator: str) -> dict[str, str]:
 
 
 def _ratio_interval(errors: Array, reference: Array, rng: np.random.Generator) -> tuple[float, float]:
-    blocks = np.arange(len(errors)).reshape(-1, BLOCK)
+    blocks = np.arange(len(errors) // BLOCK * BLOCK).reshape(-1, BLOCK)
     draws = blocks[rng.integers(len(blocks), size=(1000, len(blocks)))].reshape(1000, -1)
     low, high = np.percentile(
         np.median(errors[draws], axis=1) / np.median(reference[draws], axis=1), [2.5, 97.5]

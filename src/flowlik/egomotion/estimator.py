@@ -59,8 +59,8 @@ class Estimator:
     radius_px: float | None = None
     refine_all: bool = False
     gate: float | None = None
-    most_hypotheses: int = 200
-    success: float = 0.999
+    most_hypotheses: int = 1000
+    success: float = 0.99
 
     def estimate(
         self, residual: Residual, seed: int | np.random.Generator = 0, start: RigidTransform | None = None
@@ -94,13 +94,12 @@ class Estimator:
         if residual.still():
             return unsolved(Status.STILL, "the flow is zero", excluded)
         begin = (RigidTransform.identity() if start is None else start).as_matrix()[:3]
-        hypothesis, drawn = self._consensus(residual, kept, begin, np.random.default_rng(seed))
-        if hypothesis is None:
+        found, ambiguous, drawn = self._consensus(residual, kept, begin, np.random.default_rng(seed))
+        if found is None:
             return unsolved(Status.DEGENERATE, "no minimal sample has a solution", excluded)
 
         used = residual.kept_components(kept)
-        T, ambiguous = residual.motion(hypothesis, lambda T: self._inliers(residual, T, used))
-        T, log_prob = self._refine(residual, T, used)
+        T, log_prob = self._refine(residual, found, used)
         inliers = self._inliers(residual, T, used)
         _, J = residual.linearise(T)
         x = residual.coordinates(T, self.likelihood.schedule.index)
@@ -115,14 +114,13 @@ class Estimator:
             )
         elif status is Status.SOLVED and ambiguous:
             status, reason = Status.AMBIGUOUS, "two motions have nearly as many points in front of the camera"
-        per_vector = residual.components_per_vector if self.radius_px is not None else 1
         return EgoMotion(
             T_k_prev=_transform(residual.normalise(T)),
             information=information,
             status=status,
             reason=reason,
             scale_known=residual.metric,
-            inliers=int(inliers.reshape(-1, per_vector).any(axis=1).sum()),
+            inliers=self._count(residual, inliers),
             informative=int((inliers & (self._bound(x) <= INFORMATIVE_PX)).sum()),
             components=int(used.sum()),
             inlier_unit="component" if self.radius_px is None else "vector",
@@ -146,17 +144,27 @@ class Estimator:
         length = np.linalg.norm(np.where(used, z, 0.0).reshape(len(residual), -1), axis=1)
         return used & np.repeat(length <= self.radius_px, residual.components_per_vector)
 
+    def _count(self, residual: Residual, inliers: NDArray[np.bool_]) -> int:
+        """Number of inliers in the estimator's own unit."""
+        if self.radius_px is None:
+            return int(inliers.sum())
+        return int(inliers.reshape(len(residual), -1).any(axis=1).sum())
+
     def _consensus(
         self, residual: Residual, kept: NDArray[np.bool_], start: Array, rng: np.random.Generator
-    ) -> tuple[Array | None, int]:
-        """Sample, propose and score until a good sample has almost surely been drawn."""
+    ) -> tuple[Array | None, bool, int]:
+        """Sample, propose and score until a good sample has almost surely been drawn.
+
+        Returns the motion with most inliers, whether it is ambiguous, and how many samples were drawn.
+        """
         index = self.likelihood.schedule.index
+        used = residual.kept_components(kept)
         bounds = residual.bounds(self._bound, index, kept)
         weights = self._sampling_weights(residual, kept)
         vectors = self.radius_px is not None
-        units = kept.any(axis=1).sum() if vectors else residual.kept_components(kept).sum()
+        units = self._count(residual, used)
         exponent = residual.minimal * (1 if vectors else residual.components_per_vector)
-        best, best_score, drawn, needed = None, 0, 0, self.most_hypotheses
+        best, ambiguous, best_score, drawn, needed = None, False, 0, 0, self.most_hypotheses
         while drawn < needed:
             samples = _draw(weights, min(BATCH, self.most_hypotheses - drawn), residual.minimal, rng)
             drawn += len(samples)
@@ -165,10 +173,16 @@ class Estimator:
                 continue
             scores = residual.score(hypotheses, bounds, vectors)
             if scores.max() > best_score:
-                best, best_score = hypotheses[scores.argmax()], int(scores.max())
+                hypothesis, best_score = hypotheses[scores.argmax()], int(scores.max())
+                best, ambiguous = residual.motion(hypothesis, lambda T: self._inliers(residual, T, used))
+                # local optimisation: a minimal sample carries its own noise
+                better, _ = self._maximise(residual, best, self._inliers(residual, best, used))
+                score = self._count(residual, self._inliers(residual, better, used))
+                if score >= best_score:
+                    best, best_score = better, score
                 good = min((best_score / units) ** exponent, 1 - 1e-12)
                 needed = min(self.most_hypotheses, int(np.log(1 - self.success) / np.log1p(-good)) + 1)
-        return best, drawn
+        return best, ambiguous, drawn
 
     def _sampling_weights(self, residual: Residual, kept: NDArray[np.bool_]) -> Array:
         """Draw a vector in proportion to the root of its weaker component's information; gated ones last."""

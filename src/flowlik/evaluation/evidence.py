@@ -18,6 +18,7 @@ from flowlik.evaluation.goodness import (
     coverage,
     kolmogorov_smirnov,
     negative_log_likelihood,
+    nll_interval,
     outside_range,
 )
 from flowlik.likelihood import FlowLikelihood
@@ -58,7 +59,7 @@ def goodness_records(
     ks = kolmogorov_smirnov(sketch, likelihood, least_components, least_frames)
     rng = np.random.default_rng(seed)
     filled = [block for block in blocks if block.total]
-    nll_low, nll_high = block_interval(filled, lambda s: negative_log_likelihood(s, likelihood), rng)
+    nll_low, nll_high = nll_interval(filled, likelihood, rng)
     ks_interval = "none"
     if ks.counted.any():
         ks_low, ks_high = block_interval(

@@ -148,6 +148,20 @@ def outside_range(sketch: ErrorSketch, likelihood: FlowLikelihood) -> float:
     return float(sketch.counts[beyond].sum() / sketch.total)
 
 
+def nll_interval(
+    blocks: Sequence[ErrorSketch],
+    likelihood: FlowLikelihood,
+    rng: np.random.Generator,
+    replicates: int = 1000,
+    confidence: float = 0.95,
+) -> tuple[float, float]:
+    """Bootstrap interval of the negative log-likelihood [nat a component] over blocks of frames."""
+    totals = np.array([block.total for block in blocks], dtype=np.float64)
+    sums = totals * [negative_log_likelihood(block, likelihood) for block in blocks]
+    draws = rng.integers(len(blocks), size=(replicates, len(blocks)))
+    return _percentiles(sums[draws].sum(axis=1) / totals[draws].sum(axis=1), confidence)
+
+
 def block_interval(
     blocks: Sequence[ErrorSketch],
     statistic: Callable[[ErrorSketch], float],
@@ -158,6 +172,10 @@ def block_interval(
     """Bootstrap interval of a statistic over blocks of frames, each block a sketch."""
     draws = rng.integers(len(blocks), size=(replicates, len(blocks)))
     values = [statistic(_resampled(blocks, draw)) for draw in draws]
+    return _percentiles(np.array(values), confidence)
+
+
+def _percentiles(values: Array, confidence: float) -> tuple[float, float]:
     tail = 50 * (1 - confidence)
     low, high = np.nanpercentile(values, [tail, 100 - tail])
     return float(low), float(high)
