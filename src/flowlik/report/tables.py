@@ -39,7 +39,17 @@ METRICS: dict[str, tuple[str, str]] = {
     "ks_max": ("Worst misfit (K‑S)", "at the texture level that fits least"),
     "coverage_90": ("Coverage of 90 %", "share of errors inside the model's own 90 % interval"),
     "nll": ("Negative log-likelihood", "lower is better"),
+    "ks_signed_median": ("Misfit of signed errors (K‑S median)", "also notices a bias"),
     "unsolved_fraction": ("Unsolved frames", "share of frames without a motion"),
+    "outside_fraction": (
+        "Share outside the calibrated range",
+        "of error components; above 10 % is a warning",
+    ),
+    "t_err_offset_removed_percent": (
+        "Translation drift, constant direction offset removed",
+        "a diagnosis of the calibration, not a result",
+    ),
+    "rpe_trans_ratio_to_ransac": ("Translation error over RANSAC's", "median of a frame; below 1 is better"),
 }
 _WORDS = {
     "ks": "K‑S",
