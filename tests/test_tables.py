@@ -13,7 +13,10 @@ MODEL = lcm_likelihood()
 
 
 def look_up(table, rows, magnitude):
-    return np.array([tables.look_up(table, row, z) for row, z in zip(rows, magnitude)])
+    last = len(table) - 2
+    whole = np.minimum(rows.astype(int), last)
+    columns = [tables.magnitude_position(z) for z in magnitude]
+    return np.array([tables.bilinear(table, i, r - i, j, f) for r, i, (j, f) in zip(rows, whole, columns)])
 
 
 def twin(table, rows, magnitude):

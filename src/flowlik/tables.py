@@ -80,14 +80,11 @@ def magnitude_position(magnitude):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, inline="always")
-def look_up(table, row, magnitude):  # type: ignore[no-untyped-def]
-    """Bilinear value of a table at a fractional row and abs(z)."""
-    i = min(int(row), table.shape[0] - 2)
-    a = row - i
-    j, b = magnitude_position(magnitude)
-    below = (1 - b) * table[i, j] + b * table[i, j + 1]
-    above = (1 - b) * table[i + 1, j] + b * table[i + 1, j + 1]
-    return (1 - a) * below + a * above
+def bilinear(table, i, a, j, f):  # type: ignore[no-untyped-def]
+    """Value at fractions a of row i and f of column j."""
+    below = table[i, j] + f * (table[i, j + 1] - table[i, j])
+    above = table[i + 1, j] + f * (table[i + 1, j + 1] - table[i + 1, j])
+    return below + a * (above - below)
 
 
 @njit(cache=True, nogil=True)
@@ -98,13 +95,16 @@ def normal_equations(z, J, rows, fisher, used, log_prob, weight):  # type: ignor
     (C, 6); components with ``used`` 0 are left out.
     """
     H, b, total = np.zeros((6, 6)), np.zeros(6), 0.0
+    last_row = log_prob.shape[0] - 2
     for c in range(len(z)):
         if used[c] == 0:
             continue
-        w = look_up(weight, rows[c], abs(z[c]))
-        total += look_up(log_prob, rows[c], abs(z[c]))
+        i, (j, f) = min(int(rows[c]), last_row), magnitude_position(abs(z[c]))
+        a = rows[c] - i
+        total += bilinear(log_prob, i, a, j, f)
+        wz = bilinear(weight, i, a, j, f) * z[c]
         for i in range(6):
-            b[i] -= w * z[c] * J[c, i]
+            b[i] -= wz * J[c, i]
             fj = fisher[c] * J[c, i]
             for j in range(i, 6):
                 H[i, j] += fj * J[c, j]

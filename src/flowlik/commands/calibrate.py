@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from flowlik.calibration import (
@@ -23,6 +24,7 @@ from flowlik.flow.base import FlowMethod
 from flowlik.likelihood import FlowLikelihood
 from flowlik.model_file import save_likelihood
 from flowlik.progress import Progress, no_progress
+from flowlik.records import Record, select
 from flowlik.runs import RunFolder
 
 
@@ -70,9 +72,11 @@ def calibrate(
     sketched = progress(sketch_blocks(blocks, (flow,)), f"errors of {method}", len(blocks))
     sketches = [sketches[0] for sketches in sketched]
     names = ", ".join(sequence.name for sequence in sequences)
-    models = fit_families(sketches, flow, {"data": names, "seed": seed})
+    fitted = fit_families(sketches, flow, {"data": names, "seed": seed})
+    models = {family: fitted[family], **fitted}
     add_evidence(run, sketches, models, names, label=method, seed=seed, split="calibration")
-    save_likelihood(models[family], run.path / "models" / f"{method}.json")
+    run.save("table", method, evidence.table(merge_all(sketches, sketches[0].index), models[family]))
+    save_likelihood(with_goodness(models[family], run.records), run.path / "models" / f"{method}.json")
     run.finish()
     return run
 
@@ -85,6 +89,13 @@ def fit_families(
         name: fit_likelihood(sketches, family, method, provenance=provenance)
         for name, family in FAMILIES.items()
     }
+
+
+def with_goodness(likelihood: FlowLikelihood, records: Sequence[Record]) -> FlowLikelihood:
+    """Likelihood whose file tells how well it fits the data it was calibrated on."""
+    name = (likelihood.method or {}).get("name")
+    own = select(records, family=likelihood.family.name, flow=name)
+    return replace(likelihood, goodness={**likelihood.goodness, **{r.metric: r.value for r in own}})
 
 
 def add_evidence(
@@ -109,7 +120,6 @@ def add_evidence(
         )
     main = next(iter(models.values()))
     run.save("error-over-texture", label, evidence.error_over_texture(merged, main))
-    run.save("table", label, evidence.table(merged, main))
     run.save("goodness", label, evidence.goodness(merged, models, least_components, least_frames))
     run.save("coverage", label, evidence.reliability(merged, models))
     shown = evidence.distributions(merged, main)

@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.calibration import ErrorSketch, sketch_blocks, split_blocks
+from flowlik.calibration import ErrorSketch, merge_all, sketch_blocks, split_blocks
 from flowlik.camera import Array, Pinhole
-from flowlik.commands.calibrate import add_evidence, fit_families
+from flowlik.commands.calibrate import add_evidence, fit_families, with_goodness
 from flowlik.datasets.base import Sequence
 from flowlik.egomotion import Estimator, KnownDepth, lcmsac, mle, ransac
 from flowlik.evaluation.baselines import opencv_pnp
 from flowlik.evaluation.drift import relative_pose_errors
+from flowlik.evaluation.evidence import table
 from flowlik.evaluation.motion_records import trajectory_records, true_trajectory
 from flowlik.flow import flow_method
 from flowlik.flow.base import FlowMethod
@@ -67,8 +68,8 @@ QUICK = Plan(
     width=320,
     height=180,
     fov_deg=120.0,
-    calibration=tuple(Flight(seed, "training", v, 30) for seed in (0, 1) for v in (1.5, 3.0, 6.0, 12.0)),
-    held_out=(Flight(100, "curve", 6.0, 80), Flight(101, "curve", 9.0, 80)),
+    calibration=tuple(Flight(seed, "training", v, 20) for seed in (0, 1) for v in (1.5, 3.0, 6.0, 12.0)),
+    held_out=(Flight(100, "curve", 6.0, 60), Flight(101, "curve", 9.0, 60)),
     least_components=10_000,
     least_frames=20,
 )
@@ -108,7 +109,11 @@ def reproduce(
         _add_evidence(
             run, [s[i] for s in sketches], families, "planes-calibration", method, plan, "calibration"
         )
-        save_likelihood(families["lcm"], run.path / "models" / f"{method.name}.json")
+        merged = merge_all([s[i] for s in sketches], sketches[0][i].index)
+        run.save("table", method.name, table(merged, families["lcm"]))
+        save_likelihood(
+            with_goodness(families["lcm"], run.records), run.path / "models" / f"{method.name}.json"
+        )
 
     for flight in plan.held_out:
         sketches = _sketch((flight,), camera, methods, progress)

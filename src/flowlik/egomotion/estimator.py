@@ -18,11 +18,12 @@ from flowlik.tables import normal_equations
 BATCH = 50
 REFINEMENTS = 5
 STEPS = 30
+LOCAL_STEPS = 3
 INFORMATIVE_PX = 1.0
 LEAST_RECIPROCAL_CONDITION = 1e-9
-# a step that gains less is a few hundredths of a standard deviation
+# a step that gains less is a tenth of a standard deviation at most
 CONVERGED_NAT = 1e-3
-HALVINGS = 4
+HALVINGS = 3
 NO_PARALLAX_SHARE = 0.95
 # a vector that leaves the image's half-space must not make a motion look better
 LOST_NAT = 50.0
@@ -176,7 +177,7 @@ class Estimator:
                 hypothesis, best_score = hypotheses[scores.argmax()], int(scores.max())
                 best, ambiguous = residual.motion(hypothesis, lambda T: self._inliers(residual, T, used))
                 # local optimisation: a minimal sample carries its own noise
-                better, _ = self._maximise(residual, best, self._inliers(residual, best, used))
+                better, _ = self._maximise(residual, best, self._inliers(residual, best, used), LOCAL_STEPS)
                 score = self._count(residual, self._inliers(residual, better, used))
                 if score >= best_score:
                     best, best_score = better, score
@@ -200,7 +201,9 @@ class Estimator:
                 break
         return self._maximise(residual, T, used) if self.refine_all else (T, log_prob)
 
-    def _maximise(self, residual: Residual, T: Array, chosen: NDArray[np.bool_]) -> tuple[Array, float]:
+    def _maximise(
+        self, residual: Residual, T: Array, chosen: NDArray[np.bool_], steps: int = STEPS
+    ) -> tuple[Array, float]:
         """Fisher scoring over chosen components; their coordinates x are held meanwhile."""
         tables = self.likelihood.compiled
         x = residual.coordinates(T, self.likelihood.schedule.index)
@@ -213,7 +216,7 @@ class Estimator:
             return H, b, log_prob - LOST_NAT * (chosen.sum() - usable.sum())
 
         H, b, log_prob = equations(T)
-        for _ in range(STEPS):
+        for _ in range(steps):
             B = residual.basis(T)
             step = B @ np.linalg.lstsq(B.T @ H @ B, B.T @ b, rcond=1e-14)[0]
             if b @ step < CONVERGED_NAT:
