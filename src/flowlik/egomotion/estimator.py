@@ -24,6 +24,7 @@ LEAST_RECIPROCAL_CONDITION = 1e-9
 # a step that gains less is a tenth of a standard deviation at most
 CONVERGED_NAT = 1e-3
 HALVINGS = 3
+WORTH_HALVING_NAT = 0.2
 NO_PARALLAX_SHARE = 0.95
 # a vector that leaves the image's half-space must not make a motion look better
 LOST_NAT = 50.0
@@ -221,7 +222,8 @@ class Estimator:
             step = B @ np.linalg.lstsq(B.T @ H @ B, B.T @ b, rcond=1e-14)[0]
             if b @ step < CONVERGED_NAT:
                 break
-            for _ in range(HALVINGS):
+            # where little is left to gain, the cusp's rounding decides and a shorter step gains no more
+            for _ in range(HALVINGS if b @ step > WORTH_HALVING_NAT else 1):
                 candidate = residual.normalise(_kernels.retract(T, step))
                 H_new, b_new, log_prob_new = equations(candidate)
                 if log_prob_new > log_prob:
