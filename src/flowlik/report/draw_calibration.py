@@ -123,7 +123,7 @@ def draw_distributions(data: Data) -> Figure:
                 ax.set(yscale="log", ylim=(low / 3, high * 3))
             else:
                 ax.fill_between(z[near], empirical[near], color=PALE, lw=0, label="measured")
-                ax.set_ylim(bottom=0)
+                ax.set_ylim(0, 1.08 * max(empirical[near].max(initial=1e-9), fitted[near].max(initial=0)))
             ax.plot(z[near], fitted[near], color=BLUE, lw=1.6, label="fitted")
             ax.set_xlim(-reach, reach)
         axes[row, 0].set_title(
