@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import minimize
 
-from flowlik.calibration.sketch import ErrorSketch, magnitude_centres, x_edges
+from flowlik.calibration.sketch import ErrorSketch, bin_centres, magnitude_centres, x_edges
 from flowlik.camera import Array
 from flowlik.errors import CalibrationError
 from flowlik.families import ErrorFamily
@@ -65,7 +65,7 @@ def fit(
         If there is too little data, or the optimiser ends without a finite table.
     """
     knots = place_knots(sketch) if knots is None else knots
-    centres = 0.5 * (x_edges()[1:] + x_edges()[:-1])
+    centres = bin_centres()
     counts = sketch.magnitude_counts
     filled = counts.sum(axis=1) > 0
     share = counts[filled] / sketch.total

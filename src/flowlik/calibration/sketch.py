@@ -32,6 +32,11 @@ def x_edges() -> Array:
     return np.log(10) * np.linspace(FIRST_DECADE, LAST_DECADE, X_BINS + 1)
 
 
+def bin_centres() -> Array:
+    """Centres (X,) of the bins of x."""
+    return 0.5 * (x_edges()[1:] + x_edges()[:-1])
+
+
 def magnitude_centres() -> Array:
     """Representative abs(z) (Z,) [px] of each error bin; the first bin reaches down to 0."""
     edges = magnitude_nodes()

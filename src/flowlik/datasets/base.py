@@ -14,6 +14,7 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.camera import Pinhole
 from flowlik.datasets._truncation import is_whole
 from flowlik.errors import DataError, MissingFieldError
+from flowlik.motion import relative_motion
 
 
 class Sequence(Protocol):
@@ -101,6 +102,18 @@ def decode_image(path: Path | str, flags: int) -> NDArray:
     if image is None:
         raise DataError(f"{path}: not a readable image (truncated, damaged or not an image file)")
     return np.asarray(image)
+
+
+def frame_index(sequence: Sequence, k: int) -> int:
+    """Frame number k, or a DataError that says how many frames there are."""
+    if not 0 <= k < len(sequence):
+        raise DataError(f"{sequence.name}: no frame {k}, there are {len(sequence)} frames")
+    return int(k)
+
+
+def motion_to_next(sequence: Sequence, k: int) -> RigidTransform:
+    """Motion T_k1_k: camera of frame k to camera of frame k + 1."""
+    return relative_motion(sequence.T_n_c(k), sequence.T_n_c(frame_index(sequence, k) + 1))
 
 
 def true_flow(camera: Pinhole, depth: NDArray[np.float64], T_k1_k: RigidTransform) -> NDArray[np.float64]:

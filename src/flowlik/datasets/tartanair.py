@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.camera import Pinhole
-from flowlik.datasets.base import decode_image, lacks, read_grey, true_flow, visible_next
+from flowlik.datasets.base import (
+    decode_image,
+    frame_index,
+    lacks,
+    motion_to_next,
+    read_grey,
+    true_flow,
+    visible_next,
+)
 from flowlik.errors import DataError
 
 CAMERA = Pinhole(640, 640, 320.0, 320.0, 320.0, 320.0)
@@ -69,22 +77,22 @@ class TartanAir:
 
     def image(self, k: int) -> NDArray[np.uint8]:
         """Return the grey image (H, W) of frame k."""
-        path = self._images[self._index(k)]
+        path = self._images[frame_index(self, k)]
         return _of_size(read_grey(path), self.camera, path)
 
     def timestamp(self, k: int) -> float:
         """Return the time [s] of frame k."""
-        return self._index(k) / self.frames_per_second
+        return frame_index(self, k) / self.frames_per_second
 
     def T_n_c(self, k: int) -> RigidTransform:
         """Return the true pose of frame k: takes points in {c} to points in {n} [m]."""
         if self._poses is None:
             raise lacks(self.name, "poses (pose_lcam_front.txt)")
-        return self._poses[self._index(k)]
+        return self._poses[frame_index(self, k)]
 
     def depth(self, k: int) -> NDArray[np.float64]:
         """Return the true depth (H, W) [m] along z at pixel centres, of float32 precision."""
-        stem = self._images[self._index(k)].stem
+        stem = self._images[frame_index(self, k)].stem
         path = self.folder / "depth_lcam_front" / f"{stem}_depth.png"
         if not path.is_file():
             raise lacks(self.name, f"depth for frame {k} ({path.name})")
@@ -93,20 +101,11 @@ class TartanAir:
 
     def flow(self, k: int) -> NDArray[np.float64]:
         """Return the true flow (H, W, 2) [px] from frame k to k + 1; occluded pixels keep theirs."""
-        return true_flow(self.camera, self.depth(k), self._T_next(k))
+        return true_flow(self.camera, self.depth(k), motion_to_next(self, k))
 
     def visible(self, k: int) -> NDArray[np.bool_]:
         """Return which pixels (H, W) of frame k are seen in frame k + 1 too; needs the depth of both."""
-        return visible_next(self.camera, self.depth(k), self.depth(k + 1), self._T_next(k))
-
-    def _T_next(self, k: int) -> RigidTransform:
-        """T_k1_k: camera of frame k to camera of frame k + 1."""
-        return self.T_n_c(self._index(k) + 1).inv() * self.T_n_c(k)
-
-    def _index(self, k: int) -> int:
-        if not 0 <= k < len(self):
-            raise DataError(f"{self.name}: no frame {k}, there are {len(self)} frames")
-        return int(k)
+        return visible_next(self.camera, self.depth(k), self.depth(k + 1), motion_to_next(self, k))
 
 
 def encode_depth(depth: NDArray[np.float64]) -> NDArray[np.uint8]:

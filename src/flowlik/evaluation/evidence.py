@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from flowlik.calibration.sketch import ErrorSketch, magnitude_centres, merge_all, x_edges
+from flowlik.calibration.sketch import ErrorSketch, bin_centres, magnitude_centres, merge_all, x_edges
 from flowlik.camera import Array
 from flowlik.evaluation.goodness import (
     CONFIDENCES,
     KolmogorovSmirnov,
-    bin_centres,
     block_interval,
     coverage,
     kolmogorov_smirnov,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from flowlik.calibration.sketch import (
     BINS_PER_LEVEL,
     ErrorSketch,
+    bin_centres,
     magnitude_centres,
     x_edges,
 )
@@ -69,11 +70,6 @@ class KolmogorovSmirnov:
     def counted_share(self) -> float:
         """Share of all components that the counted levels hold."""
         return float(self.counts[self.counted].sum() / self.counts.sum())
-
-
-def bin_centres() -> Array:
-    """Centres (X,) of the sketch's bins of x."""
-    return 0.5 * (x_edges()[1:] + x_edges()[:-1])
 
 
 @lru_cache(maxsize=16)

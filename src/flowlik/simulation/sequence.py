@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.camera import Pinhole
-from flowlik.datasets.base import true_flow, visible_next
+from flowlik.datasets.base import frame_index, motion_to_next, true_flow, visible_next
 from flowlik.errors import DataError
 from flowlik.simulation.base import Frame, World
 from flowlik.simulation.planes import PlanesWorld
@@ -107,15 +107,15 @@ class SimulatedSequence:
     def image(self, k: int) -> NDArray[np.uint8]:
         """Return the grey image (H, W) of frame k."""
         radiance = self.frame(k).radiance
-        return self.sensor.expose(radiance, np.random.default_rng([self.seed, self._index(k)]))
+        return self.sensor.expose(radiance, np.random.default_rng([self.seed, frame_index(self, k)]))
 
     def timestamp(self, k: int) -> float:
         """Return the time [s] of frame k."""
-        return self._index(k) / self.frames_per_second
+        return frame_index(self, k) / self.frames_per_second
 
     def T_n_c(self, k: int) -> RigidTransform:
         """Return the true pose of frame k: takes points in {c} to points in {n} [m]."""
-        return self.poses[self._index(k)]
+        return self.poses[frame_index(self, k)]
 
     def depth(self, k: int) -> NDArray[np.float64]:
         """Return the true depth (H, W) [m] along z at pixel centres."""
@@ -123,21 +123,12 @@ class SimulatedSequence:
 
     def flow(self, k: int) -> NDArray[np.float64]:
         """Return the true flow (H, W, 2) [px] from frame k to k + 1; occluded pixels keep theirs."""
-        return true_flow(self.camera, self.frame(k).depth, self._T_next(k))
+        return true_flow(self.camera, self.frame(k).depth, motion_to_next(self, k))
 
     def visible(self, k: int) -> NDArray[np.bool_]:
         """Return which pixels (H, W) of frame k are seen in frame k + 1 too."""
-        motion = self._T_next(k)
+        motion = motion_to_next(self, k)
         return visible_next(self.camera, self.frame(k).depth, self.frame(k + 1).depth, motion)
-
-    def _T_next(self, k: int) -> RigidTransform:
-        """T_k1_k: camera of frame k to camera of frame k + 1."""
-        return self.T_n_c(self._index(k) + 1).inv() * self.T_n_c(k)
-
-    def _index(self, k: int) -> int:
-        if not 0 <= k < len(self):
-            raise DataError(f"{self.name}: no frame {k}, there are {len(self)} frames")
-        return int(k)
 
 
 def simulate(
