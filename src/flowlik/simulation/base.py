@@ -21,20 +21,25 @@ class Frame:
     Attributes
     ----------
     radiance : array (H, W) float32
-        Light averaged over each pixel [grey levels, 0 to 255].
+        Light averaged over each pixel, linear; 1 just saturates the default sensor.
     depth : array (H, W) float64
         Depth along z at the pixel centres [m]; inf where the ray meets nothing.
+    movers : array (H, W) int16 or None
+        Which moving object is seen at the pixel centre, -1 for the static world; None if nothing moves.
     """
 
     radiance: NDArray[np.float32]
     depth: Array
+    movers: NDArray[np.int16] | None = None
 
 
 class World(Protocol):
-    """A static scene. Worlds are hashable, and equal worlds render equal bytes: frames are cached by world.
+    """A scene, static but for its movers.
 
-    World axes {n} are x right, y down, z forward. Every world keeps the neighbourhood of the centre
-    lines in `flowlik.simulation.paths` free of geometry, so that every trajectory can be flown in it.
+    World axes {n} are x right, y down, z forward. Worlds are hashable, and equal worlds render equal bytes:
+    frames are cached by world. Every world keeps the neighbourhood of the centre lines in
+    `flowlik.simulation.paths` free of geometry, so that every trajectory can be flown in it; `driving` is
+    built along the poses it is given instead.
     """
 
     @property
@@ -42,8 +47,12 @@ class World(Protocol):
         """Short name used in results and file provenance."""
         ...
 
-    def render(self, T_n_c: RigidTransform, camera: Pinhole) -> Frame:
-        """Picture and exact depth seen from one pose."""
+    def render(self, T_n_c: RigidTransform, camera: Pinhole, time_s: float = 0.0) -> Frame:
+        """Picture and exact depth seen from one pose at one time."""
+        ...
+
+    def mover_poses(self, time_s: float) -> RigidTransform | None:
+        """Poses T_n_o (M,) of all moving objects at one time; None if nothing moves."""
         ...
 
     def clearance(self, positions: Array) -> Array:

@@ -1,0 +1,153 @@
+"""Compiled: which triangle each of a pixel's samples sees, tile by tile of the picture."""
+
+# mypy: disable-error-code=no-untyped-def
+
+import math
+
+import numpy as np
+from numba import njit
+
+TILE = 32
+SAMPLES = 16
+
+# sixteen rooks: one sample in each of 16 columns and rows of the pixel
+_ROOKS = np.array(
+    [
+        7,
+        2,
+        13,
+        5,
+        3,
+        8,
+        9,
+        11,
+        1,
+        1,
+        5,
+        14,
+        11,
+        0,
+        15,
+        9,
+        2,
+        12,
+        8,
+        6,
+        14,
+        13,
+        0,
+        5,
+        6,
+        9,
+        12,
+        3,
+        4,
+        4,
+        10,
+        15,
+    ]
+).reshape(16, 2)
+OFFSETS_X = ((_ROOKS[:, 0] + 0.5) / 16 - 0.5).astype(np.float32)
+OFFSETS_Y = ((_ROOKS[:, 1] + 0.5) / 16 - 0.5).astype(np.float32)
+
+
+@njit(cache=True, inline="always")
+def tile_range(corners, size, axis):
+    """First and last tile that a triangle touches along an axis (0 column, 1 row) of some size [px]."""
+    low = min(corners[axis], min(corners[axis + 3], corners[axis + 6]))
+    high = max(corners[axis], max(corners[axis + 3], corners[axis + 6]))
+    # clipped before the conversion: corners near the camera may be millions of pixels away
+    first = math.floor(min(max(low, 0.0), size - 1.0) + 0.5) // TILE
+    last = math.floor(min(max(high, 0.0), size - 1.0) + 0.5) // TILE
+    return first, min(last, (size - 1) // TILE)
+
+
+@njit(cache=True, nogil=True)
+def count_in_tiles(first, last, screen, width, height, counts):
+    """Count triangles first to last in each tile (counts: (tiles,))."""
+    across = (width + TILE - 1) // TILE
+    for i in range(first, last):
+        x0, x1 = tile_range(screen[i], width, 0)
+        y0, y1 = tile_range(screen[i], height, 1)
+        for y in range(y0, y1 + 1):
+            for x in range(x0, x1 + 1):
+                counts[y * across + x] += 1
+
+
+@njit(cache=True, nogil=True)
+def list_in_tiles(first, last, screen, width, height, places, lists):
+    """Write triangles first to last into the lists of their tiles, from places (tiles,) on."""
+    across = (width + TILE - 1) // TILE
+    for i in range(first, last):
+        x0, x1 = tile_range(screen[i], width, 0)
+        y0, y1 = tile_range(screen[i], height, 1)
+        for y in range(y0, y1 + 1):
+            for x in range(x0, x1 + 1):
+                tile = y * across + x
+                lists[places[tile]] = i
+                places[tile] += 1
+
+
+@njit(cache=True)
+def draw(i, corners, left, top, columns, rows, nearest, seen, centre_w, centre_seen, farthest, samples):
+    """Draw triangle i into a tile whose first pixel is (left, top).
+
+    nearest (pixels, SAMPLES) float32 and seen (pixels, SAMPLES) int32 hold inverse depth and triangle of
+    every sample, centre_w and centre_seen (pixels,) those of the pixel's centre, farthest (pixels,) the
+    least inverse depth over a pixel's samples: what lies behind it cannot be seen.
+    """
+    x0, y0, w0 = np.float64(corners[0]), np.float64(corners[1]), np.float64(corners[2])
+    x1, y1, w1 = np.float64(corners[3]), np.float64(corners[4]), np.float64(corners[5])
+    x2, y2, w2 = np.float64(corners[6]), np.float64(corners[7]), np.float64(corners[8])
+    area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+    if area == 0.0:
+        return
+    u_first = max(0, math.floor(max(min(x0, min(x1, x2)) - left, -1.0) + 0.5))
+    u_last = min(columns - 1, math.floor(min(max(x0, max(x1, x2)) - left, columns + 1.0) + 0.5))
+    v_first = max(0, math.floor(max(min(y0, min(y1, y2)) - top, -1.0) + 0.5))
+    v_last = min(rows - 1, math.floor(min(max(y0, max(y1, y2)) - top, rows + 1.0) + 0.5))
+    if u_first > u_last or v_first > v_last:
+        return
+    # barycentric coordinates and inverse depth are linear on the screen
+    inverse = 1.0 / area
+    a0, c0 = (y1 - y2) * inverse, (x2 - x1) * inverse
+    a1, c1 = (y2 - y0) * inverse, (x0 - x2) * inverse
+    a2, c2 = (y0 - y1) * inverse, (x1 - x0) * inverse
+    aw, cw = a0 * w0 + a1 * w1 + a2 * w2, c0 * w0 + c1 * w1 + c2 * w2
+    e0, e1, e2 = 0.5 * (abs(a0) + abs(c0)), 0.5 * (abs(a1) + abs(c1)), 0.5 * (abs(a2) + abs(c2))
+    ew = 0.5 * (abs(aw) + abs(cw))
+    A0, A1, A2, AW = np.float32(a0), np.float32(a1), np.float32(a2), np.float32(aw)
+    C0, C1, C2, CW = np.float32(c0), np.float32(c1), np.float32(c2), np.float32(cw)
+    zero = np.float32(0.0)
+    for v in range(v_first, v_last + 1):
+        y = v + top
+        for u in range(u_first, u_last + 1):
+            x = u + left
+            b0 = a0 * (x - x1) + c0 * (y - y1)
+            b1 = a1 * (x - x2) + c1 * (y - y2)
+            b2 = a2 * (x - x0) + c2 * (y - y0)
+            if b0 < -e0 or b1 < -e1 or b2 < -e2:
+                continue
+            pixel = v * TILE + u
+            w = w0 + aw * (x - x0) + cw * (y - y0)
+            if b0 >= 0.0 and b1 >= 0.0 and b2 >= 0.0 and w > centre_w[pixel]:
+                centre_w[pixel], centre_seen[pixel] = w, i
+            if not samples or w + ew < farthest[pixel]:
+                continue
+            B0, B1, B2, W = np.float32(b0), np.float32(b1), np.float32(b2), np.float32(w)
+            near, who = nearest[pixel], seen[pixel]
+            least = np.float32(np.inf)
+            for k in range(SAMPLES):
+                dx, dy = OFFSETS_X[k], OFFSETS_Y[k]
+                ww = W + AW * dx + CW * dy
+                covered = (
+                    (B0 + A0 * dx + C0 * dy >= zero)
+                    & (B1 + A1 * dx + C1 * dy >= zero)
+                    & (B2 + A2 * dx + C2 * dy >= zero)
+                    & (ww > near[k])
+                )
+                now = ww if covered else near[k]
+                near[k] = now
+                who[k] = i if covered else who[k]
+                least = min(least, now)
+            farthest[pixel] = least
