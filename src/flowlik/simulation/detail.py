@@ -43,7 +43,7 @@ def drawn_leaves(
     """
     p = instances.prototypes
     leaves = np.diff(shapes.leaf_starts)[p]
-    size_m = _leaf_sizes_m(shapes)[p] * np.linalg.norm(instances.transforms[:, :, 0], axis=1)
+    size_m = shapes.leaf_sizes[p] * np.linalg.norm(instances.transforms[:, :, 0], axis=1)
     size_px = size_m * focal_px / np.maximum(distance_m, 0.1)
     fine = np.clip((size_px - FINE_PX[0]) / (FINE_PX[1] - FINE_PX[0]), 0, 1)
     share = np.clip((size_px / WHOLE_PX) ** 2, LEAST_SHARE, 1)
@@ -51,10 +51,3 @@ def drawn_leaves(
     # scaled by what is drawn, not by the share, so that the cover is that of all leaves
     scale = np.sqrt(np.divide(leaves, count, out=np.ones(len(p)), where=count > 0))
     return np.floor(fine * leaves).astype(np.int64), count.astype(np.int64), scale
-
-
-def _leaf_sizes_m(shapes: Shapes) -> Array:
-    """Median half length of each prototype's leaves [m]; 0 where it has none."""
-    lengths = np.linalg.norm(shapes.leaf_along, axis=1)
-    bounds = zip(shapes.leaf_starts[:-1], shapes.leaf_starts[1:])
-    return np.array([np.median(lengths[a:b]) if b > a else 0.0 for a, b in bounds], np.float64)

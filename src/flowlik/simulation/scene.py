@@ -195,21 +195,9 @@ def _identities(instances: Instances) -> NDArray[np.int64]:
 
 def _spheres(shapes: Shapes, instances: Instances) -> Array:
     """Bounding spheres (N, 4) of copies: centre in {n} and radius [m]."""
-    local = np.array([_sphere(shapes, p) for p in range(len(shapes.vertex_starts) - 1)]).reshape(-1, 4)
-    mine, linear = local[instances.prototypes], instances.transforms[:, :, :3]
+    mine, linear = shapes.spheres[instances.prototypes], instances.transforms[:, :, :3]
     centres = np.einsum("nij,nj->ni", linear, mine[:, :3]) + instances.transforms[:, :, 3]
     return np.column_stack([centres, mine[:, 3] * np.linalg.norm(linear[:, :, 0], axis=1)])
-
-
-def _sphere(shapes: Shapes, p: int) -> Array:
-    leaves = slice(shapes.leaf_starts[p], shapes.leaf_starts[p + 1])
-    reach = np.linalg.norm(shapes.leaf_along[leaves], axis=1, keepdims=True)
-    ends = [shapes.leaf_centres[leaves] - reach, shapes.leaf_centres[leaves] + reach]
-    points = np.concatenate([shapes.vertices[shapes.vertex_starts[p] : shapes.vertex_starts[p + 1]], *ends])
-    if not len(points):
-        return np.zeros(4)
-    centre = (points.min(axis=0) + points.max(axis=0)) / 2
-    return np.append(centre, np.linalg.norm(points - centre, axis=1).max() * 1.0001)
 
 
 def _in_view(spheres: Array, T_n_c: RigidTransform, camera: Pinhole) -> NDArray[np.int64]:

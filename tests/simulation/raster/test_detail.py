@@ -4,7 +4,7 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.camera import Pinhole
 from flowlik.simulation.detail import drawn_leaves
-from flowlik.simulation.geometry import Instances, Prototype, placed
+from flowlik.simulation.geometry import Instances, placed
 from flowlik.simulation.light import Light
 from flowlik.simulation.materials import Material, Surface
 from flowlik.simulation.raster.packed import pack_shapes

@@ -263,6 +263,7 @@ def render_tiles(
     nearest, seen = np.empty((TILE * TILE, SAMPLES), np.float32), np.empty((TILE * TILE, SAMPLES), np.int32)
     centre_w, centre_seen = np.empty(TILE * TILE), np.empty(TILE * TILE, np.int32)
     farthest = np.empty(TILE * TILE, np.float32)
+    bits = (nearest.view(np.int32), farthest.view(np.int32))
     who, how_many = np.empty(SAMPLES, np.int32), np.empty(SAMPLES)
     mean_x, mean_y = np.empty(SAMPLES), np.empty(SAMPLES)
     spread = 1.0 / camera[0]
@@ -271,21 +272,10 @@ def render_tiles(
         columns, rows = min(TILE, width - left), min(TILE, height - top)
         nearest[:], seen[:], centre_w[:], centre_seen[:], farthest[:] = 0.0, -1, 0.0, -1, 0.0
         for j in range(starts[tile], starts[tile + 1]):
-            i = lists[j]
             draw(
-                i,
-                screen[i],
-                left,
-                top,
-                columns,
-                rows,
-                nearest,
-                seen,
-                centre_w,
-                centre_seen,
-                farthest,
-                samples,
-            )
+                lists[j], screen, left, top, columns, rows, nearest, seen, farthest, bits,
+                centre_w, centre_seen, samples,
+            )  # fmt: skip
         for v in range(rows):
             for u in range(columns):
                 x, y, pixel = u + left, v + top, v * TILE + u

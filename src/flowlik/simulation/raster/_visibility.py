@@ -52,10 +52,10 @@ OFFSETS_Y = ((_ROOKS[:, 1] + 0.5) / 16 - 0.5).astype(np.float32)
 
 
 @njit(cache=True, inline="always")
-def tile_range(corners, size, axis):
-    """First and last tile that a triangle touches along an axis (0 column, 1 row) of some size [px]."""
-    low = min(corners[axis], min(corners[axis + 3], corners[axis + 6]))
-    high = max(corners[axis], max(corners[axis + 3], corners[axis + 6]))
+def tile_range(screen, i, size, axis):
+    """First and last tile that triangle i touches along an axis (0 column, 1 row) of some size [px]."""
+    low = min(screen[i, axis], min(screen[i, axis + 3], screen[i, axis + 6]))
+    high = max(screen[i, axis], max(screen[i, axis + 3], screen[i, axis + 6]))
     # clipped before the conversion: corners near the camera may be millions of pixels away
     first = math.floor(min(max(low, 0.0), size - 1.0) + 0.5) // TILE
     last = math.floor(min(max(high, 0.0), size - 1.0) + 0.5) // TILE
@@ -67,8 +67,8 @@ def count_in_tiles(first, last, screen, width, height, counts):
     """Count triangles first to last in each tile (counts: (tiles,))."""
     across = (width + TILE - 1) // TILE
     for i in range(first, last):
-        x0, x1 = tile_range(screen[i], width, 0)
-        y0, y1 = tile_range(screen[i], height, 1)
+        x0, x1 = tile_range(screen, i, width, 0)
+        y0, y1 = tile_range(screen, i, height, 1)
         for y in range(y0, y1 + 1):
             for x in range(x0, x1 + 1):
                 counts[y * across + x] += 1
@@ -79,8 +79,8 @@ def list_in_tiles(first, last, screen, width, height, places, lists):
     """Write triangles first to last into the lists of their tiles, from places (tiles,) on."""
     across = (width + TILE - 1) // TILE
     for i in range(first, last):
-        x0, x1 = tile_range(screen[i], width, 0)
-        y0, y1 = tile_range(screen[i], height, 1)
+        x0, x1 = tile_range(screen, i, width, 0)
+        y0, y1 = tile_range(screen, i, height, 1)
         for y in range(y0, y1 + 1):
             for x in range(x0, x1 + 1):
                 tile = y * across + x
@@ -89,16 +89,20 @@ def list_in_tiles(first, last, screen, width, height, places, lists):
 
 
 @njit(cache=True)
-def draw(i, corners, left, top, columns, rows, nearest, seen, centre_w, centre_seen, farthest, samples):
+def draw(i, screen, left, top, columns, rows, nearest, seen, farthest, bits, centre_w, centre_seen, samples):
     """Draw triangle i into a tile whose first pixel is (left, top).
 
     nearest (pixels, SAMPLES) float32 and seen (pixels, SAMPLES) int32 hold inverse depth and triangle of
     every sample, centre_w and centre_seen (pixels,) those of the pixel's centre, farthest (pixels,) the
-    least inverse depth over a pixel's samples: what lies behind it cannot be seen.
+    least inverse depth over a pixel's samples: what lies behind it cannot be seen. bits is the pair of
+    `nearest` and `farthest` seen as int32: positive floats are ordered as their bits are, and the least of
+    many whole numbers is found at once. Arrays are indexed in full, since a view costs more than the work.
     """
-    x0, y0, w0 = np.float64(corners[0]), np.float64(corners[1]), np.float64(corners[2])
-    x1, y1, w1 = np.float64(corners[3]), np.float64(corners[4]), np.float64(corners[5])
-    x2, y2, w2 = np.float64(corners[6]), np.float64(corners[7]), np.float64(corners[8])
+    nearest_bits, farthest_bits = bits
+    who = np.int32(i)
+    x0, y0, w0 = np.float64(screen[i, 0]), np.float64(screen[i, 1]), np.float64(screen[i, 2])
+    x1, y1, w1 = np.float64(screen[i, 3]), np.float64(screen[i, 4]), np.float64(screen[i, 5])
+    x2, y2, w2 = np.float64(screen[i, 6]), np.float64(screen[i, 7]), np.float64(screen[i, 8])
     area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
     if area == 0.0:
         return
@@ -135,8 +139,6 @@ def draw(i, corners, left, top, columns, rows, nearest, seen, centre_w, centre_s
             if not samples or w + ew < farthest[pixel]:
                 continue
             B0, B1, B2, W = np.float32(b0), np.float32(b1), np.float32(b2), np.float32(w)
-            near, who = nearest[pixel], seen[pixel]
-            least = np.float32(np.inf)
             for k in range(SAMPLES):
                 dx, dy = OFFSETS_X[k], OFFSETS_Y[k]
                 ww = W + AW * dx + CW * dy
@@ -144,10 +146,11 @@ def draw(i, corners, left, top, columns, rows, nearest, seen, centre_w, centre_s
                     (B0 + A0 * dx + C0 * dy >= zero)
                     & (B1 + A1 * dx + C1 * dy >= zero)
                     & (B2 + A2 * dx + C2 * dy >= zero)
-                    & (ww > near[k])
+                    & (ww > nearest[pixel, k])
                 )
-                now = ww if covered else near[k]
-                near[k] = now
-                who[k] = i if covered else who[k]
-                least = min(least, now)
-            farthest[pixel] = least
+                nearest[pixel, k] = ww if covered else nearest[pixel, k]
+                seen[pixel, k] = who if covered else seen[pixel, k]
+            least = nearest_bits[pixel, 0]
+            for k in range(1, SAMPLES):
+                least = min(least, nearest_bits[pixel, k])
+            farthest_bits[pixel] = least

@@ -42,6 +42,8 @@ class Shapes(NamedTuple):
     outline_triangles: Ints32  # (S, OUTLINE, 3)
     outline_sizes: Ints  # (S, 2) vertices and triangles
     outline_rhombus: Floats  # (S,) scale of a rhombus of the same area
+    leaf_sizes: Array  # (P,) median half length [m], 0 without leaves
+    spheres: Array  # (P, 4) around all of it: centre, radius [m]
 
 
 class Looks(NamedTuple):
@@ -103,6 +105,8 @@ def pack_shapes(prototypes: Sequence[Prototype]) -> Shapes:
         np.array([-1 if p.foliage is None else p.foliage.material for p in prototypes], np.int64),
         np.array([_which(p, shapes) for p in prototypes], np.int64),
         *_outlines(shapes),
+        np.array([_leaf_size_m(p.foliage) for p in prototypes]),
+        np.array([_sphere(p) for p in prototypes]),
     )
 
 
@@ -165,6 +169,23 @@ def _area(shape: LeafShape) -> float:
     a, b, c = (shape.vertices[shape.triangles[:, i], :2].astype(float) for i in range(3))
     p, q = b - a, c - a
     return float(np.abs(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]).sum() / 2)
+
+
+def _leaf_size_m(foliage: Foliage | None) -> float:
+    return float(np.median(np.linalg.norm(foliage.along, axis=1))) if foliage else 0.0
+
+
+def _sphere(prototype: Prototype) -> Array:
+    """Centre and radius of a sphere around a mesh and its leaves [m]."""
+    points = prototype.mesh.vertices
+    if leaves := prototype.foliage:
+        reach = np.linalg.norm(leaves.along, axis=1, keepdims=True)
+        points = np.concatenate([points, leaves.centres - reach, leaves.centres + reach])
+    if not len(points):
+        return np.zeros(4)
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
+    # leaves drawn as rhombi are longer than their own, fewer ones longer still: these are far away
+    return np.append(centre, np.linalg.norm(points - centre, axis=1).max() + 0.01)
 
 
 def _tile(layer: Layer | None, tiles: Tiles) -> int:
