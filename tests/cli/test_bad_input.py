@@ -184,12 +184,6 @@ def test_a_model_of_another_flow_method(flight, models, tmp_path, out):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("simulate", "forest"), "unknown world 'forest': known are planes"),
-        (("simulate", "planes", "--trajectory", "spiral"), "unknown trajectory 'spiral': known are curve"),
-        (("simulate", "planes", "--trajectory", "straight", "--frames", "2000"), "fly fewer frames"),
-        (("simulate", "planes", "--width", "0"), "0"),
-        (("simulate", "planes", "--fov", "180"), "180"),
-        (("simulate", "planes", "--speed", "nan"), "nan"),
         (("calibrate", "FLIGHT", "--method", "dis"), "unknown flow method 'dis': known are farneback"),
         (("calibrate", "FLIGHT", "--method", "farneback", "--family", "x"), "unknown error family 'x'"),
         (("calibrate", "FLIGHT", "--method", "farneback", "--format", "euroc"), "format 'euroc', known are"),

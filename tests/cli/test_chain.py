@@ -13,7 +13,8 @@ from flowlik.datasets import open_sequence
 from flowlik.datasets.flow_files import write_flo
 from flowlik.model_file import load_likelihood
 from flowlik.records import FILE_KEYS, read_records, select
-from flowlik.trajectory import read_kitti, read_tum
+from flowlik.simulation.trajectories import curve
+from flowlik.trajectory import Trajectory, read_kitti, read_tum, write_kitti, write_tum
 from tests.cli.call import call, succeed
 from tests.cli.conftest import METHODS, image_of
 
@@ -46,6 +47,29 @@ def metrics(text: str) -> list[str]:
     rows = json.loads(text)
     assert all(tuple(sorted(row)) == tuple(sorted(FILE_KEYS)) for row in rows)
     return [row["metric"] for row in rows]
+
+
+@pytest.mark.parametrize("written", [write_kitti, write_tum])
+def test_simulation_along_the_poses_of_a_file(tmp_path, written):
+    times_s = 100 + np.arange(8) / 10
+    trajectory = Trajectory(times_s, curve(8, speed_mps=20.0))
+    written(tmp_path / "poses.txt", trajectory)
+    succeed("simulate", "grid", "--trajectory", tmp_path / "poses.txt", "--start", 2, "--frames", 3,
+            "--width", 64, "--height", 48, "--stereo-baseline", 0.3, "--no-sensor",
+            "--out", tmp_path / "data")  # fmt: skip
+    sequence = open_sequence(tmp_path / "data")
+    assert len(sequence) == 3
+    for k in range(3):
+        np.testing.assert_allclose(
+            sequence.T_n_c(k).as_matrix(), trajectory.poses[k + 2].as_matrix(), atol=1e-12
+        )
+        expected_s = times_s[k + 2] if written is write_tum else (k + 2) / 10
+        assert sequence.timestamp(k) == pytest.approx(expected_s, abs=1e-12)
+    description = json.loads((tmp_path / "data" / "camera.json").read_text())
+    assert (description["width"], description["baseline_m"]) == (64, 0.3)
+    assert description["provenance"]["sensor"]["full_well_e"] is None
+    assert description["provenance"]["trajectory"] == "poses"
+    assert len(list((tmp_path / "data" / "image_rcam_front").iterdir())) == 3
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -150,6 +150,65 @@ def test_bad_camera_files_are_refused(folder: Path, content: str) -> None:
         TartanAir(folder)
 
 
+def test_times_of_a_file_are_taken(folder: Path) -> None:
+    (folder / "times.txt").write_text("5.0\n5.5\n7.25\n")
+    assert [TartanAir(folder).timestamp(k) for k in range(3)] == [5.0, 5.5, 7.25]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("0\n1\n", "2 times for 3 images"),
+        ("0\n2\n1\n", "times must increase"),
+        ("0\nx\n1\n", "not a finite number"),
+    ],
+)
+def test_bad_times_are_refused(folder: Path, content: str, message: str) -> None:
+    (folder / "times.txt").write_text(content)
+    with pytest.raises(DataError, match=f"times.txt.*{message}"):
+        TartanAir(folder)
+
+
+def write_movers(folder: Path, label: int = 1) -> None:
+    """One object, seen in the left half, that moves 0.5 m to the right a frame (NED y)."""
+    labels = np.zeros((8, 12), np.uint8)
+    labels[:, :6] = label
+    (folder / "seg_lcam_front").mkdir(exist_ok=True)
+    for k in range(3):
+        cv2.imwrite(str(folder / f"seg_lcam_front/{k:06d}_lcam_front_seg.png"), labels)
+    (folder / "movers.txt").write_text("".join(f"{k} 0 9 {0.5 * k} 0 0 0 0 1\n" for k in range(3)))
+
+
+def test_flow_follows_what_moves(folder: Path) -> None:
+    write_movers(folder)
+    flow = TartanAir(folder).flow(0)
+    static = (TartanAir(folder).camera.pixel_grid().reshape(8, 12, 2) - [5.5, 3.5]) / 9
+    # 0.5 m at a depth of 10 m that becomes 9 m, seen with f = 10 px
+    np.testing.assert_allclose(flow[:, :6], static[:, :6] + [10 * 0.5 / 9, 0], atol=1e-12)
+    np.testing.assert_allclose(flow[:, 6:], static[:, 6:], atol=1e-12)
+
+
+def test_bad_movers_are_refused(folder: Path) -> None:
+    write_movers(folder, label=2)
+    with pytest.raises(DataError, match=r"seg.png: shows object 1, movers.txt has 1"):
+        TartanAir(folder).flow(0)
+    rows = (folder / "movers.txt").read_text()
+    for content, message in [
+        (rows[: rows.rindex("2 0 9")], "every object of every one of 3 frames"),
+        (rows.replace("1 0 9", "7 0 9"), "every object of every one of 3 frames"),
+        (rows.replace(" 0 0 0 1", " 0 0 0 0"), "unit quaternion"),
+        ("1 2 3\n", "3 columns"),
+    ]:
+        (folder / "movers.txt").write_text(content)
+        with pytest.raises(DataError, match=f"movers.txt.*{message}"):
+            TartanAir(folder)
+
+
+def test_a_missing_right_image_is_one_clear_error(folder: Path) -> None:
+    with pytest.raises(DataError, match="P000: this data set has no right image for frame 1"):
+        TartanAir(folder).right_image(1)
+
+
 def test_missing_folder_and_missing_images(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="no such folder"):
         TartanAir(tmp_path / "absent")

@@ -4,7 +4,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.camera import Pinhole
 from flowlik.errors import DataError
-from flowlik.simulation.planes import HALL_HIGH_M, HALL_LOW_M, PlanesWorld
+from flowlik.simulation import IDEAL_SENSOR
+from flowlik.simulation.hall import DISPLAY_GAMMA, HALL_HIGH_M, HALL_LOW_M
+from flowlik.simulation.planes import PlanesWorld
 from flowlik.simulation.rectangles import distances_m, pixel_bounds
 from flowlik.simulation.textures import TILE_PX, make_textures
 from flowlik.simulation.trajectories import TRAJECTORIES, training
@@ -65,20 +67,25 @@ def test_same_bytes_for_any_number_of_threads(camera: Pinhole, monkeypatch: pyte
 
 def test_another_seed_is_another_world(camera: Pinhole) -> None:
     assert not np.array_equal(PlanesWorld(0).surfaces.centres_m, PlanesWorld(1).surfaces.centres_m)
+    assert PlanesWorld(3).mover_poses(1.0) is None
     assert PlanesWorld(3) == PlanesWorld(3) and hash(PlanesWorld(3)) == hash(PlanesWorld(3))
 
 
-def test_radiance_stays_within_the_grey_range(camera: Pinhole) -> None:
+def test_radiance_is_what_the_ideal_sensor_shows_as_the_painted_grey(camera: Pinhole) -> None:
     radiance = PlanesWorld().render(TILTED, camera).radiance
     assert radiance.dtype == np.float32
-    assert radiance.min() >= 0 and radiance.max() <= 255 and radiance.std() > 20
+    assert radiance.min() > 0 and radiance.max() < 1
+    grey = IDEAL_SENSOR.signal(radiance, camera)
+    np.testing.assert_allclose(grey, 255 * radiance.astype(np.float64) ** (1 / DISPLAY_GAMMA), atol=1e-3)
+    # painted between 1 and 254 about a mean in the middle
+    assert grey.min() >= 1 and grey.max() <= 254 and grey.std() > 20 and 90 < grey.mean() < 165
 
 
 def test_image_does_not_depend_on_where_the_pixels_lie(camera: Pinhole) -> None:
     """A camera shifted by half a pixel, averaged over neighbours, sees the camera's own mean brightness."""
     world = PlanesWorld(samples=32)
     shifted = Pinhole(camera.width, camera.height, camera.fx, camera.fy, camera.cx - 0.5, camera.cy)
-    image, moved = (world.render(TILTED, c).radiance for c in (camera, shifted))
+    image, moved = (IDEAL_SENSOR.signal(world.render(TILTED, c).radiance, c) for c in (camera, shifted))
     between = (image[:, :-1] + image[:, 1:]) / 2
     gradient = image[:, 1:] - image[:, :-1]
     shift_px = (gradient * (moved[:, :-1] - between)).sum() / (gradient**2).sum()

@@ -1,5 +1,8 @@
+import hashlib
+import json
 import pickle
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, replace
 
 import cv2
 import numpy as np
@@ -9,8 +12,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.camera import Pinhole
 from flowlik.datasets.base import true_flow
-from flowlik.errors import DataError
-from flowlik.simulation import IDEAL_SENSOR, PlanesWorld, SimulatedSequence, simulate
+from flowlik.errors import DataError, MissingFieldError
+from flowlik.simulation import IDEAL_SENSOR, PlanesWorld, Sensor, SimulatedSequence, simulate
+from flowlik.simulation.trajectories import straight
 
 
 def depth_smooth(depth: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -151,13 +155,6 @@ def test_time_and_length(straight_ideal: SimulatedSequence) -> None:
         straight_ideal.image(-1)
 
 
-def test_unknown_names_tell_the_known_ones() -> None:
-    with pytest.raises(DataError, match="unknown world 'moon': known are planes"):
-        simulate("moon")
-    with pytest.raises(DataError, match="unknown trajectory 'loop': known are curve, straight, training"):
-        simulate("planes", "loop")
-
-
 @pytest.mark.parametrize(
     ("position", "message"),
     [([0, 2.4, 5.0], "frame 1 .* is 0.10 m from a surface"), ([0, 9.0, 5.0], "outside the world")],
@@ -171,3 +168,97 @@ def test_poses_too_near_or_outside_are_refused(position: list[float], message: s
 def test_one_pose_is_not_a_sequence_of_poses() -> None:
     with pytest.raises(DataError, match="array of at least one pose"):
         SimulatedSequence(PlanesWorld(), RigidTransform.identity())
+
+
+def test_poses_that_are_not_finite_are_refused() -> None:
+    poses = RigidTransform.from_translation([[0, 0, 0], [0, 0, np.nan]])
+    with pytest.raises(DataError, match="pose of frame 1 is not finite"):
+        SimulatedSequence(PlanesWorld(), poses)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"frames_per_second": 0.0}, "frame rate 0.0 must be positive"),
+        ({"frames_per_second": np.nan}, "frame rate nan"),
+        ({"timestamps": np.array([0.0, 1.0])}, "2 timestamps for 3 poses"),
+        ({"timestamps": np.array([0.0, 1.0, 1.0])}, "times must increase"),
+        ({"baseline_m": -0.1}, "baseline -0.1 m must be positive"),
+        ({"baseline_m": 15.9}, "frame 0 .* is 0.10 m from a surface"),
+    ],
+)
+def test_impossible_sequences_are_refused(options: dict, message: str) -> None:
+    with pytest.raises(DataError, match=message):
+        SimulatedSequence(PlanesWorld(rectangles=0), straight(3), **options)
+
+
+def test_configuration_hash_is_that_of_the_settings(camera: Pinhole) -> None:
+    sequence = SimulatedSequence(PlanesWorld(), straight(3), camera)
+    settings = {
+        "world": {"name": "planes", "seed": 0, "rectangles": 70, "samples": 8},
+        "sensor": asdict(Sensor()),
+        "camera": asdict(camera),
+    }
+    text = json.dumps(settings, sort_keys=True, separators=(",", ":"))
+    assert sequence.configuration_hash == hashlib.sha256(text.encode()).hexdigest()
+    assert sequence.provenance["configuration_sha256"] == sequence.configuration_hash
+    others = [
+        SimulatedSequence(PlanesWorld(samples=4), straight(3), camera),
+        SimulatedSequence(PlanesWorld(), straight(3), camera, Sensor(gamma=2.0)),
+        SimulatedSequence(PlanesWorld(), straight(3)),
+    ]
+    assert len({sequence.configuration_hash, *(other.configuration_hash for other in others)}) == 4
+    flown_otherwise = SimulatedSequence(PlanesWorld(), straight(4), camera, seed=3)
+    assert flown_otherwise.configuration_hash == sequence.configuration_hash
+    assert flown_otherwise.provenance["poses_sha256"] != sequence.provenance["poses_sha256"]
+
+
+def test_hovering_sees_the_same_and_its_flow_is_zero(camera: Pinhole) -> None:
+    sequence = simulate("planes", "hover", frames=9, camera=camera, sensor=IDEAL_SENSOR)
+    assert sequence.image(0).tobytes() == sequence.image(8).tobytes()
+    assert np.abs(sequence.flow(3)).max() < 1e-10
+    assert sequence.visible(3).all()
+    noisy = simulate("planes", "hover", frames=9, camera=camera)
+    difference = noisy.image(0).astype(float) - noisy.image(1)
+    assert 1 < difference.std() < 4
+
+
+def test_exposure_steps_change_brightness_from_hold_to_hold(camera: Pinhole) -> None:
+    sensor = replace(IDEAL_SENSOR, gain_sd=0.05)
+    sequence = simulate("planes", "hover", frames=14, camera=camera, sensor=sensor)
+    means = np.array([sequence.image(k).mean() for k in range(14)])
+    # 60 frames/s and 0.1 s: the gain stays for six frames
+    assert np.ptp(means[:6]) == np.ptp(means[6:12]) == np.ptp(means[12:]) == 0
+    assert len({means[0], means[6], means[12]}) == 3
+
+
+def test_right_camera_sees_what_the_left_one_does_shifted_by_the_disparity(camera: Pinhole) -> None:
+    baseline_m = 0.4
+    sequence = SimulatedSequence(
+        PlanesWorld(), straight(60)[50:], camera, IDEAL_SENSOR, baseline_m=baseline_m
+    )
+    depth, pixels = sequence.depth(2), camera.pixel_grid().reshape(camera.height, camera.width, 2)
+    ends = (pixels - np.stack([camera.fx * baseline_m / depth, 0 * depth], axis=-1)).astype(np.float32)
+    warped, found = (
+        cv2.remap(image.astype(np.float32), ends[..., 0], ends[..., 1], cv2.INTER_CUBIC, borderValue=-1)
+        for image in (sequence.right_image(2), sequence.right_depth(2))
+    )
+    seen = (np.abs(found / depth - 1) < 0.01) & camera.contains(ends)
+    assert seen.mean() > 0.7
+    compared = seen & depth_smooth(depth)
+    left = sequence.image(2)
+    assert np.median(np.abs(warped - left)[compared]) <= 1.2
+    assert np.median(np.abs(sequence.right_image(2).astype(float) - left)[compared]) > 3
+
+
+def test_without_a_baseline_there_is_no_right_image(straight_ideal: SimulatedSequence) -> None:
+    with pytest.raises(MissingFieldError, match="right image"):
+        straight_ideal.right_image(0)
+
+
+def test_noise_of_the_two_cameras_is_independent(camera: Pinhole) -> None:
+    sequence = SimulatedSequence(PlanesWorld(), straight(3), camera, baseline_m=1e-6)
+    ideal = SimulatedSequence(PlanesWorld(), straight(3), camera, replace(Sensor(), full_well_e=None))
+    noise = [image.astype(float) - ideal.image(1) for image in (sequence.image(1), sequence.right_image(1))]
+    assert min(part.std() for part in noise) > 0.8
+    assert abs(np.corrcoef(noise[0].ravel(), noise[1].ravel())[0, 1]) < 0.05

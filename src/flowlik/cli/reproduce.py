@@ -11,8 +11,9 @@ from flowlik.cli.options import Json, Out, command_line, show_run
 
 
 def run(
-    quick: Annotated[
-        bool, typer.Option("--quick", help="The size there is: a few minutes on two cores.")
+    quick: Annotated[bool, typer.Option("--quick", help="A small forest: minutes on two cores.")] = False,
+    full: Annotated[
+        bool, typer.Option("--full", help="The whole forest at the paper's frame counts: hours.")
     ] = False,
     out: Out = Path("run"),
     json: Json = False,
@@ -21,10 +22,13 @@ def run(
 
     Example: `flowlik reproduce --quick --out run`
     """
+    from flowlik.commands.plans import FULL, QUICK
     from flowlik.commands.reproduce import reproduce
     from flowlik.errors import DataError
     from flowlik.progress import terminal_progress
 
-    if not quick:
-        raise DataError("say which size: flowlik reproduce --quick")
-    show_run(reproduce(out, command=command_line(), progress=terminal_progress), json)
+    if quick == full:
+        raise DataError("say which size: flowlik reproduce --quick, or --full")
+    show_run(
+        reproduce(out, QUICK if quick else FULL, command=command_line(), progress=terminal_progress), json
+    )

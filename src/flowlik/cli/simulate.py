@@ -11,25 +11,59 @@ from flowlik.cli.options import Seed
 
 
 def run(
-    world: Annotated[str, typer.Argument(help="World: planes.")],
+    world: Annotated[str, typer.Argument(help="planes, grid, forest, forest-small or driving.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the data set.")],
-    trajectory: Annotated[str, typer.Option(help="straight, curve or training.")] = "straight",
-    frames: Annotated[int, typer.Option(min=2, help="Number of images.")] = 300,
-    speed: Annotated[float, typer.Option(help="Speed [m/s], at 60 frames/s.")] = 6.0,
-    width: Annotated[int, typer.Option(help="Image width [px].")] = 640,
-    height: Annotated[int, typer.Option(help="Image height [px].")] = 360,
-    fov: Annotated[float, typer.Option(help="Horizontal field of view [deg].")] = 120.0,
-    noise: Annotated[bool, typer.Option(help="Sensor blur and noise.")] = True,
+    trajectory: Annotated[
+        str,
+        typer.Option(
+            help="straight, curve, training, forest-fig8, hover, or a pose file in KITTI's or TUM's format."
+        ),
+    ] = "straight",
+    frames: Annotated[
+        int | None, typer.Option(min=2, help="Number of images; default: 300, or all of a pose file.")
+    ] = None,
+    speed: Annotated[float, typer.Option(help="Speed [m/s] of a named trajectory.")] = 6.0,
+    fps: Annotated[
+        float | None,
+        typer.Option(help="Frames a second; default: 10 in driving, else 60; a pose file's own times."),
+    ] = None,
+    start: Annotated[int, typer.Option(min=0, help="Frames left out at the beginning.")] = 0,
+    width: Annotated[int | None, typer.Option(help="Image width [px].")] = None,
+    height: Annotated[int | None, typer.Option(help="Image height [px].")] = None,
+    fov: Annotated[float | None, typer.Option(help="Horizontal field of view [deg].")] = None,
+    sensor: Annotated[bool, typer.Option(help="Blur, noise and exposure steps of the sensor.")] = True,
+    stereo_baseline: Annotated[
+        float | None, typer.Option(help="Distance [m] of a second camera to the right.")
+    ] = None,
+    traffic: Annotated[int, typer.Option(min=0, help="Number of moving vehicles in driving.")] = 0,
     seed: Seed = 0,
 ) -> None:
     """Render a flight with exact depth, poses and flow, in TartanAir V2's layout.
 
-    Example: `flowlik simulate planes --trajectory curve --frames 120 --out data`
+    The camera is the paper's (640x360, 120 deg), in driving KITTI's (1242x375, 81 deg), unless width, height
+    or field of view are given. An interrupted run goes on where it stopped.
+
+    Example: `flowlik simulate forest --trajectory forest-fig8 --frames 600 --out flight`
+
+    Along real poses: `flowlik simulate driving --trajectory poses/00.txt --traffic 20 --out drive`
     """
     from flowlik.commands.simulate import simulate
     from flowlik.progress import terminal_progress
+    from flowlik.simulation.scenario import camera_of
 
     folder = simulate(
-        world, trajectory, frames, out, speed, seed, width, height, fov, noise, terminal_progress
+        world,
+        trajectory,
+        out,
+        frames,
+        speed,
+        seed,
+        camera_of(world, width, height, fov),
+        fps,
+        start,
+        stereo_baseline,
+        traffic,
+        sensor,
+        terminal_progress,
     )
     typer.echo(f"data set: {folder}", err=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.calibration import ErrorSketch, merge_all, sketch_blocks, split_blocks
 from flowlik.camera import Array, Pinhole
 from flowlik.commands.calibrate import add_evidence, fit_families, with_goodness
+from flowlik.commands.plans import METHODS, QUICK, Flight, Plan
 from flowlik.datasets.base import Sequence
 from flowlik.egomotion import Estimator, KnownDepth, lcmsac, mle, ransac
 from flowlik.evaluation.baselines import opencv_pnp
@@ -31,48 +32,8 @@ from flowlik.runs import RunFolder
 from flowlik.simulation import simulate
 from flowlik.trajectory import Trajectory, chain
 
-METHODS = ("farneback", "lucas-kanade")
 BASELINE = "opencv-pnp"
 BLOCK = 10
-
-
-@dataclass(frozen=True)
-class Flight:
-    """A simulated sequence: world seed, trajectory, speed [m/s at 60 frames/s] and image pairs."""
-
-    seed: int
-    trajectory: str
-    speed_mps: float
-    pairs: int
-
-    @property
-    def label(self) -> str:
-        """Short name in results."""
-        return f"planes-{self.trajectory}-{self.speed_mps:g}mps-seed{self.seed}"
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What a reproduction simulates: calibration and held-out flights, camera, levels counted in K-S."""
-
-    width: int
-    height: int
-    fov_deg: float
-    calibration: tuple[Flight, ...]
-    held_out: tuple[Flight, ...]
-    least_components: int
-    least_frames: int
-
-
-QUICK = Plan(
-    width=320,
-    height=180,
-    fov_deg=120.0,
-    calibration=tuple(Flight(seed, "training", v, 20) for seed in (0, 1) for v in (1.5, 3.0, 6.0, 12.0)),
-    held_out=(Flight(100, "curve", 6.0, 60), Flight(101, "curve", 9.0, 60)),
-    least_components=10_000,
-    least_frames=20,
-)
 
 
 def reproduce(
@@ -100,42 +61,55 @@ def reproduce(
     methods = [flow_method(name) for name in METHODS]
     camera = Pinhole.from_fov(plan.width, plan.height, plan.fov_deg)
 
-    sketches = _sketch(plan.calibration, camera, methods, progress)
+    sketches = _sketch(plan, plan.calibration, camera, methods, progress)
     models = {}
-    for i, method in enumerate(progress(iter(methods), "fits", len(methods))):
-        names = ", ".join(flight.label for flight in plan.calibration)
-        families = fit_families([s[i] for s in sketches], method, {"data": names, "sensor": "default"})
+    for method in progress(iter(methods), "fits", len(methods)):
+        seen, blocks = [f for f in plan.calibration if method.name in f.methods], sketches[method.name]
+        provenance: dict[str, object] = {
+            "world": plan.world,
+            "data": ", ".join(f.label for f in seen),
+            "sensor": "default",
+        }
+        families = fit_families(blocks, method, provenance)
         models[method.name] = families
-        _add_evidence(
-            run, [s[i] for s in sketches], families, "planes-calibration", method, plan, "calibration"
-        )
-        merged = merge_all([s[i] for s in sketches], sketches[0][i].index)
+        _add_evidence(run, blocks, families, f"{plan.world}-calibration", method, plan, "calibration")
+        merged = merge_all(blocks, blocks[0].index)
         run.save("table", method.name, table(merged, families["lcm"]))
         save_likelihood(
             with_goodness(families["lcm"], run.records), run.path / "models" / f"{method.name}.json"
         )
 
     for flight in plan.held_out:
-        sketches = _sketch((flight,), camera, methods, progress)
-        for i, method in enumerate(methods):
-            held_out = [s[i] for s in sketches]
-            _add_evidence(run, held_out, models[method.name], flight.label, method, plan, "held-out")
-        _fly(run, flight, camera, methods, models, progress)
+        sketches = _sketch(plan, (flight,), camera, methods, progress)
+        for method in methods:
+            dataset = _dataset(plan, flight)
+            _add_evidence(run, sketches[method.name], models[method.name], dataset, method, plan, "held-out")
+        _fly(run, plan, flight, camera, methods, models, progress)
     _add_ratios(run, plan)
     run.finish()
     return run
 
 
-def _sequence(flight: Flight, camera: Pinhole) -> Sequence:
-    return simulate("planes", flight.trajectory, flight.pairs + 1, flight.speed_mps, flight.seed, camera)
+def _dataset(plan: Plan, flight: Flight) -> str:
+    return f"{plan.world}-{flight.label}"
+
+
+def _sequence(plan: Plan, flight: Flight, camera: Pinhole) -> Sequence:
+    return simulate(plan.world, flight.trajectory, flight.pairs + 1, flight.speed_mps, flight.seed, camera)
 
 
 def _sketch(
-    flights: tuple[Flight, ...], camera: Pinhole, methods: list[FlowMethod], progress: Progress
-) -> list[list[ErrorSketch]]:
-    blocks = [b for f in flights for b in split_blocks(_sequence(f, camera), f.seed, BLOCK)]
-    what = "calibration flights" if len(flights) > 1 else flights[0].label
-    return list(progress(sketch_blocks(blocks, methods), what, len(blocks)))
+    plan: Plan, flights: tuple[Flight, ...], camera: Pinhole, methods: list[FlowMethod], progress: Progress
+) -> dict[str, list[ErrorSketch]]:
+    """Sketches of each method by name, a block of frames each, from the flights that it sees."""
+    sketches: dict[str, list[ErrorSketch]] = {method.name: [] for method in methods}
+    for flight in flights:
+        seeing = [method for method in methods if method.name in flight.methods]
+        blocks = split_blocks(_sequence(plan, flight, camera), flight.seed, BLOCK)
+        for found in progress(sketch_blocks(blocks, seeing), _dataset(plan, flight), len(blocks)):
+            for method, sketch in zip(seeing, found):
+                sketches[method.name].append(sketch)
+    return sketches
 
 
 def _add_evidence(
@@ -156,6 +130,7 @@ def _add_evidence(
 
 def _fly(
     run: RunFolder,
+    plan: Plan,
     flight: Flight,
     camera: Pinhole,
     methods: list[FlowMethod],
@@ -163,7 +138,7 @@ def _fly(
     progress: Progress,
 ) -> None:
     """Ego-motion with known depth on a held-out flight, all estimators on the same measurements."""
-    sequence = _sequence(flight, camera)
+    sequence, dataset = _sequence(plan, flight, camera), _dataset(plan, flight)
     truth = true_trajectory(sequence, flight.pairs + 1)
     assert truth is not None
     for method in methods:
@@ -174,7 +149,7 @@ def _fly(
         }
         unsolved = dict.fromkeys(steps, 0)
         pairs = progress(
-            _residuals(sequence, method, likelihood), f"{method.name} on {flight.label}", flight.pairs
+            _residuals(sequence, method, likelihood), f"{method.name} on {dataset}", flight.pairs
         )
         for k, residual in enumerate(pairs):
             for name, motion in _motions(residual, estimators, seed=k).items():
@@ -183,7 +158,7 @@ def _fly(
         trajectories = {name: Trajectory(truth.timestamps, chain(moves)) for name, moves in steps.items()}
         for name, trajectory in trajectories.items():
             keys = {"residual": "depth", "gate": "none", "features": features_of(method), "scale": "depth"}
-            note = {"dataset": flight.label, "flow": method.name, "estimator": name, **_density(name)}
+            note = {"dataset": dataset, "flow": method.name, "estimator": name, **_density(name)}
             errors = trajectory_records(trajectory, truth, **note, seed=flight.seed, **keys)
             # the flights are too short for the KITTI metric
             run.records += [record for record in errors if record.value is not None]
@@ -198,9 +173,9 @@ def _fly(
                     protocol=protocol(**keys, unsolved="counted as no motion"),
                 )
             )
-        _save_figures(run, f"{method.name}-{flight.label}", trajectories, truth)
+        _save_figures(run, f"{method.name}-{dataset}", trajectories, truth)
         if method.name == "farneback":
-            run.save("flow-sequence", f"{method.name}-{flight.label}", _flow_sequence(sequence, method))
+            run.save("flow-sequence", f"{method.name}-{dataset}", _flow_sequence(sequence, method))
 
 
 def _residuals(sequence: Sequence, method: FlowMethod, likelihood: FlowLikelihood) -> Iterator[KnownDepth]:
@@ -250,7 +225,8 @@ def _add_ratios(run: RunFolder, plan: Plan) -> None:
     rng = np.random.default_rng(plan.calibration[0].seed)
     for method in METHODS:
         flights = [
-            np.load(run.path / "data" / f"frame-errors--{method}-{f.label}.npz") for f in plan.held_out
+            np.load(run.path / "data" / f"frame-errors--{method}-{_dataset(plan, f)}.npz")
+            for f in plan.held_out
         ]
         names = list(flights[0]["names"])
         errors = np.concatenate([flight["translation"] for flight in flights], axis=1)
@@ -269,7 +245,7 @@ def _add_ratios(run: RunFolder, plan: Plan) -> None:
                     "rpe_trans_ratio_to_ransac",
                     value,
                     "",
-                    dataset="planes-held-out",
+                    dataset=f"{plan.world}-held-out",
                     flow=method,
                     estimator=str(name),
                     **_density(str(name)),

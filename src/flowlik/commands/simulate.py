@@ -13,38 +13,42 @@ from flowlik.simulation import simulate as simulate_sequence
 def simulate(
     world: str,
     trajectory: str,
-    frames: int,
     out: Path,
+    frames: int | None = None,
     speed_mps: float = 6.0,
     seed: int = 0,
-    width: int = 640,
-    height: int = 360,
-    fov_deg: float = 120.0,
-    noise: bool = True,
+    camera: Pinhole | None = None,
+    frames_per_second: float | None = None,
+    start: int = 0,
+    baseline_m: float | None = None,
+    traffic: int = 0,
+    sensor: bool = True,
     progress: Progress = no_progress,
 ) -> Path:
     """Render a flight and write it in TartanAir V2's layout.
 
     Parameters
     ----------
-    world, trajectory : str
-        Names of a world and of a trajectory.
-    frames : int
-        Number of images.
+    world, trajectory, frames, speed_mps, seed, camera, frames_per_second, start, baseline_m, traffic
+        As in `flowlik.simulation.simulate`.
     out : Path
         Folder; an interrupted run of the same sequence is continued.
-    speed_mps : float
-        Speed [m/s], at 60 frames/s.
-    seed : int
-        Seed of world, trajectory and sensor noise.
-    width, height, fov_deg
-        Camera: size [px] and horizontal field of view [deg].
-    noise : bool
-        Whether the sensor blurs and adds noise.
+    sensor : bool
+        Whether the sensor blurs, adds noise and changes its exposure.
     progress : Progress
         Told how far it is.
     """
-    camera = Pinhole.from_fov(width, height, fov_deg)
-    sensor = Sensor() if noise else IDEAL_SENSOR
-    sequence = simulate_sequence(world, trajectory, frames, speed_mps, seed, camera, sensor)
-    return write_sequence(sequence, out, lambda steps: progress(steps, f"frames of {world}", frames))
+    sequence = simulate_sequence(
+        world,
+        trajectory,
+        frames,
+        speed_mps,
+        seed,
+        camera,
+        Sensor() if sensor else IDEAL_SENSOR,
+        frames_per_second,
+        start,
+        baseline_m,
+        traffic,
+    )
+    return write_sequence(sequence, out, lambda steps: progress(steps, f"frames of {world}", len(sequence)))

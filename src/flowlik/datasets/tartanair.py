@@ -13,20 +13,27 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.camera import Pinhole
 from flowlik.datasets.base import (
+    Movers,
     decode_image,
     frame_index,
+    is_visible,
     lacks,
     motion_to_next,
+    mover_motions,
     read_grey,
     true_flow,
-    visible_next,
+    visibility_next,
 )
 from flowlik.errors import DataError
+from flowlik.files import read_table
+from flowlik.trajectory import read_times
 
 CAMERA = Pinhole(640, 640, 320.0, 320.0, 320.0, 320.0)
 """The camera of all TartanAir images."""
 
 FRAMES_PER_SECOND = 10.0
+
+MOVER_LAYOUT = "9 numbers (frame, object, x y z qx qy qz qw)"
 
 _T = TypeVar("_T", bound=np.generic)
 
@@ -37,10 +44,12 @@ _NED_CAMERA = RigidTransform.from_rotation(Rotation.from_matrix([[0, 0, 1], [1, 
 class TartanAir:
     """The left front camera of one trajectory; implements `flowlik.datasets.base.Sequence`.
 
-    The folder holds ``image_lcam_front`` and, where it has them, ``depth_lcam_front`` and
-    ``pose_lcam_front.txt``. The camera comes from ``camera.json`` if there is one, else it is TartanAir's
-    own. World axes are x right, y down, z forward. True flow is computed from depth and poses in float64, not
-    read from the flow images, which are rounded to 1/64 px.
+    The folder holds ``image_lcam_front`` and, where it has them, ``depth_lcam_front``, ``image_rcam_front``
+    and ``pose_lcam_front.txt``. The camera comes from ``camera.json`` if there is one, else
+    it is TartanAir's own; times come from ``times.txt`` if there is one, else from the frame rate. World axes
+    are x right, y down, z forward. True flow is computed from depth and poses in float64, not read from the
+    flow images, which are rounded to 1/64 px; where ``movers.txt`` and ``seg_lcam_front`` say what moves (see
+    `flowlik.simulation.write_sequence`) it follows them.
 
     Parameters
     ----------
@@ -50,7 +59,7 @@ class TartanAir:
     Raises
     ------
     DataError
-        If folder, images or camera file are missing or invalid, or the poses are malformed or too few.
+        If folder, images or camera file are missing or invalid, or poses or times are malformed or too few.
     """
 
     def __init__(self, folder: Path | str) -> None:
@@ -65,6 +74,8 @@ class TartanAir:
             )
         self._camera, self.frames_per_second = _read_camera(self.folder / "camera.json")
         self._poses = _read_poses(self.folder / "pose_lcam_front.txt", len(self._images))
+        self._movers = _read_movers(self.folder / "movers.txt", len(self._images))
+        self._times_s = _read_times(self.folder / "times.txt", len(self._images))
 
     @property
     def camera(self) -> Pinhole:
@@ -80,9 +91,18 @@ class TartanAir:
         path = self._images[frame_index(self, k)]
         return _of_size(read_grey(path), self.camera, path)
 
+    def right_image(self, k: int) -> NDArray[np.uint8]:
+        """Return the grey image (H, W) of the right front camera, level with the left one."""
+        stem = self._images[frame_index(self, k)].stem.replace("lcam", "rcam")
+        path = self.folder / "image_rcam_front" / f"{stem}.png"
+        if not path.is_file():
+            raise lacks(self.name, f"right image for frame {k} ({path.name})")
+        return _of_size(read_grey(path), self.camera, path)
+
     def timestamp(self, k: int) -> float:
         """Return the time [s] of frame k."""
-        return frame_index(self, k) / self.frames_per_second
+        k = frame_index(self, k)
+        return k / self.frames_per_second if self._times_s is None else float(self._times_s[k])
 
     def T_n_c(self, k: int) -> RigidTransform:
         """Return the true pose of frame k: takes points in {c} to points in {n} [m]."""
@@ -101,11 +121,30 @@ class TartanAir:
 
     def flow(self, k: int) -> NDArray[np.float64]:
         """Return the true flow (H, W, 2) [px] from frame k to k + 1; occluded pixels keep theirs."""
-        return true_flow(self.camera, self.depth(k), motion_to_next(self, k))
+        return true_flow(self.camera, self.depth(k), motion_to_next(self, k), self._moving(k))
+
+    def visibility(self, k: int) -> NDArray[np.uint8]:
+        """Return what becomes of each pixel (H, W) in frame k + 1, a `flowlik.datasets.base.Visibility`.
+
+        Needs the depth of both frames.
+        """
+        motion, movers = motion_to_next(self, k), self._moving(k)
+        return visibility_next(self.camera, self.depth(k), self.depth(k + 1), motion, movers)
 
     def visible(self, k: int) -> NDArray[np.bool_]:
         """Return which pixels (H, W) of frame k are seen in frame k + 1 too; needs the depth of both."""
-        return visible_next(self.camera, self.depth(k), self.depth(k + 1), motion_to_next(self, k))
+        return is_visible(self.visibility(k))
+
+    def _moving(self, k: int) -> Movers | None:
+        """Objects that move from frame k to k + 1."""
+        if self._movers is None:
+            return None
+        here, there = self._movers[k], self._movers[k + 1]
+        path = self.folder / "seg_lcam_front" / f"{self._images[k].stem}_seg.png"
+        labels = _of_size(decode_image(path, cv2.IMREAD_UNCHANGED), self.camera, path).astype(np.int16) - 1
+        if labels.max() >= len(here):
+            raise DataError(f"{path}: shows object {labels.max()}, movers.txt has {len(here)}")
+        return Movers(labels, mover_motions(self.T_n_c(k), self.T_n_c(k + 1), here, there))
 
 
 def encode_depth(depth: NDArray[np.float64]) -> NDArray[np.uint8]:
@@ -160,6 +199,30 @@ def _read_poses(path: Path, frames: int) -> RigidTransform | None:
     if not np.isfinite(rows).all() or (np.linalg.norm(rows[:, 3:], axis=1) < 0.5).any():
         raise DataError(f"{path}: every row must be finite and hold a unit quaternion qx qy qz qw")
     return decode_poses(rows)
+
+
+def _read_movers(path: Path, frames: int) -> list[RigidTransform] | None:
+    """Poses T_n_o (M,) of all moving objects in each frame, or None if there is no such file."""
+    if not path.is_file():
+        return None
+    rows, _ = read_table(path, 9, MOVER_LAYOUT)
+    count = len(rows) // frames
+    wanted = np.stack(np.meshgrid(np.arange(frames), np.arange(count), indexing="ij"), axis=-1).reshape(-1, 2)
+    if not np.array_equal(rows[:, :2], wanted):
+        raise DataError(f"{path}: must hold every object of every one of {frames} frames, in order")
+    if (np.abs(np.linalg.norm(rows[:, 5:], axis=1) - 1) > 0.5).any():
+        raise DataError(f"{path}: every row must hold a unit quaternion qx qy qz qw")
+    return [decode_poses(rows[k * count : (k + 1) * count, 2:]) for k in range(frames)]
+
+
+def _read_times(path: Path, frames: int) -> NDArray[np.float64] | None:
+    """Times (frames,) [s], or None if there is no such file."""
+    if not path.is_file():
+        return None
+    times_s = read_times(path)
+    if len(times_s) < frames:
+        raise DataError(f"{path}: {len(times_s)} times for {frames} images")
+    return times_s
 
 
 def _read_camera(path: Path) -> tuple[Pinhole, float]:

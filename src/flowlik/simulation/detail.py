@@ -1,4 +1,4 @@
-"""How much of a plant is drawn: leaves in their shape near by, fewer and larger ones far away.
+"""How much of a plant is drawn: leaves in their shape near by, fewer and larger ones far away, no far twigs.
 
 The share of leaves falls smoothly with distance while those left grow, so that the expected cover stays the
 same and nothing pops between frames (stochastic simplification: Cook, Halstead, Planck and Ryu, ACM
@@ -13,13 +13,16 @@ from numpy.typing import NDArray
 from flowlik.simulation.geometry import Array, Instances
 from flowlik.simulation.raster.packed import Shapes
 
-FINE_PX = (3.0, 6.0)
+FINE_PX = (4.0, 8.0)
 """Half length of a leaf on the screen below which none, and above which all, are drawn in their shape."""
 
-WHOLE_PX = 1.2
+WHOLE_PX = 1.6
 """Half length on the screen below which leaves are thinned out."""
 
 LEAST_SHARE = 1 / 64
+
+THIN_PX = 0.3
+"""Width on the screen below which a triangle of a plant's wood is left out."""
 
 
 def drawn_leaves(
@@ -51,3 +54,22 @@ def drawn_leaves(
     # scaled by what is drawn, not by the share, so that the cover is that of all leaves
     scale = np.sqrt(np.divide(leaves, count, out=np.ones(len(p)), where=count > 0))
     return np.floor(fine * leaves).astype(np.int64), count.astype(np.int64), scale
+
+
+def drawn_wood(
+    shapes: Shapes, instances: Instances, least_width_m: Array
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """How many triangles of each copy's mesh are at least so wide (N,) [m], and how many vertices they use.
+
+    Only plants have triangles that are left out; the widest come first.
+    """
+    p = instances.prototypes
+    least = least_width_m / np.linalg.norm(instances.transforms[:, :, 0], axis=1)
+    parts, points = np.diff(shapes.triangle_starts)[p], np.diff(shapes.vertex_starts)[p]
+    for plant in np.unique(p[shapes.leaf_materials[p] >= 0]):
+        mine = p == plant
+        rows = slice(shapes.triangle_starts[plant], shapes.triangle_starts[plant + 1])
+        wide = np.searchsorted(-shapes.widths[rows], -least[mine], side="right")
+        parts[mine] = wide
+        points[mine] = np.concatenate([[0], shapes.points_used[rows]])[wide]
+    return parts, points

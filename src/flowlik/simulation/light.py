@@ -31,10 +31,10 @@ class Light:
     azimuth_deg: float = 128.0
     elevation_deg: float = 48.0
     sun: float = 1.7
-    sky: float = 0.35
-    haze_per_m: float = 0.0025
-    horizon: float = 0.62
-    zenith: float = 0.36
+    sky: float = 0.28
+    haze_per_m: float = 0.0012
+    horizon: float = 0.9
+    zenith: float = 0.55
     clouds: float = 0.5
 
     def __post_init__(self) -> None:

@@ -12,14 +12,14 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.camera import Pinhole
 from flowlik.simulation.base import Frame
-from flowlik.simulation.detail import drawn_leaves
+from flowlik.simulation.detail import THIN_PX, drawn_leaves, drawn_wood
 from flowlik.simulation.geometry import Array, Instances, Prototype
 from flowlik.simulation.light import Light
 from flowlik.simulation.materials import Material
 from flowlik.simulation.raster._distance import nearest_surface
 from flowlik.simulation.raster.packed import Drawn, Looks, Shapes, pack_looks, pack_shapes, tile_names
 from flowlik.simulation.raster.render import render_frame, triangles_of
-from flowlik.simulation.raster.shadows import Shadows, no_shadows, shadow_map
+from flowlik.simulation.raster.shadows import TEXELS, Shadows, no_shadows, shadow_map
 from flowlik.simulation.surfaces import make_tiles
 from flowlik.threads import in_bands
 
@@ -94,7 +94,8 @@ class Scene:
         if shadow_area is not None:
             # every fourth leaf, twice as large, casts the same expected shadow
             leaves = np.diff(shapes.leaf_starts)[instances.prototypes]
-            casting = _drawn(instances, np.zeros(len(instances)), leaves=-(-leaves // 4), scale=2.0)
+            least_m = np.full(len(instances), THIN_PX * 2 * shadow_area[2] / TEXELS)
+            casting = _standing(shapes, instances, least_m, leaves=-(-leaves // 4), scale=2.0)
             shadows = shadow_map(shapes, casting, spheres, light, shadow_area)
         looks = pack_looks(materials, make_tiles(seed, tile_names(materials)))
         moving = np.asarray(movers, np.int64)
@@ -135,12 +136,16 @@ class Scene:
         order = np.argsort(distance_m, kind="stable")
         seen, distance_m = seen[order], np.maximum(distance_m[order], 0)
         shown = Instances(instances.prototypes[seen], instances.transforms[seen])
-        fine, leaves, scale = drawn_leaves(self.shapes, shown, distance_m, max(camera.fx, camera.fy))
+        focal_px = max(camera.fx, camera.fy)
+        fine, leaves, scale = drawn_leaves(self.shapes, shown, distance_m, focal_px)
+        parts, points = drawn_wood(self.shapes, shown, THIN_PX * distance_m / focal_px)
         return Drawn(
             shown.prototypes,
             np.ascontiguousarray(shown.transforms),
             identities[seen],
             np.where(seen < static, -1, seen - static),
+            parts,
+            points,
             fine,
             leaves,
             scale,
@@ -159,7 +164,7 @@ class Scene:
         gap = np.maximum(np.maximum(low - self.spheres[:, :3], self.spheres[:, :3] - high), 0)
         near = np.flatnonzero(np.linalg.norm(gap, axis=1) < self.spheres[:, 3] + FAR_M)
         standing = Instances(self.instances.prototypes[near], self.instances.transforms[near])
-        drawn = _drawn(standing, np.zeros(len(near)))
+        drawn = _standing(self.shapes, standing, np.zeros(len(near)))
         distances = np.empty(len(positions))
         in_bands(
             lambda first, last: nearest_surface(
@@ -171,18 +176,26 @@ class Scene:
         return distances
 
 
-def _drawn(
-    instances: Instances, fine: Array, leaves: NDArray[np.int64] | int = 0, scale: float = 1.0
+def _standing(
+    shapes: Shapes,
+    instances: Instances,
+    least_width_m: Array,
+    leaves: NDArray[np.int64] | int = 0,
+    scale: float = 1.0,
 ) -> Drawn:
+    """Copies as they stand, from nowhere in particular; leaves as rhombi of some scale."""
     count = len(instances)
-    whole = np.zeros(count, np.int64)
+    none = np.zeros(count, np.int64)
+    parts, points = drawn_wood(shapes, instances, least_width_m)
     return Drawn(
         instances.prototypes,
         np.ascontiguousarray(instances.transforms),
-        whole,
-        whole - 1,
-        fine.astype(np.int64),
-        whole + leaves,
+        none,
+        none - 1,
+        parts,
+        points,
+        none,
+        none + leaves,
         np.full(count, scale),
     )
 

@@ -25,45 +25,54 @@ class Textures:
     pyramids : array (tiles, P) float32
         Mip levels of each tile one after another, finest first; values within -1 to 1.
     level_offsets : array (levels,) int64
-        Where each level starts in a row of `pyramids`; level l has ``(TILE_PX >> l)**2`` texels.
+        Where each level starts in a row of `pyramids`; level l has ``(tile_px >> l)**2`` texels.
     contrasts : array (maps, CONTRAST_PX**2) float32
         Smooth factors within 0 to 1, over two decades: where they are small, texture fades to almost nothing.
+    tile_px : int
+        Size of the finest level, a power of two.
     """
 
     pyramids: NDArray[np.float32]
     level_offsets: NDArray[np.int64]
     contrasts: NDArray[np.float32]
+    tile_px: int
 
 
 @lru_cache(maxsize=2)
 def make_textures(seed: int) -> Textures:
     """Textures of a seed: each tile mixes 1/f noise, overlapping shapes and warped stripes its own way."""
     rng = np.random.default_rng(seed)
-    pyramids = [_pyramid(_tile(rng, kind % 3)) for kind in range(TILES)]
-    sizes = np.array([(TILE_PX >> level) ** 2 for level in range(TILE_PX.bit_length())])
+    tiles = [_tile(rng, kind % 3) for kind in range(TILES)]
+    return pack_textures(tiles, [_contrast_map(rng) for _ in range(CONTRAST_MAPS)])
+
+
+def pack_textures(tiles: list[NDArray[np.float32]], contrasts: list[NDArray[np.float32]]) -> Textures:
+    """Textures of tiles of one size, a power of two, and of contrast maps (CONTRAST_PX, CONTRAST_PX)."""
+    tile_px = len(tiles[0])
+    sizes = np.array([(tile_px >> level) ** 2 for level in range(tile_px.bit_length())])
     offsets = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64)
-    maps = np.stack([_contrast_map(rng).ravel() for _ in range(CONTRAST_MAPS)])
-    return Textures(np.stack(pyramids), offsets, maps)
+    pyramids = np.stack([pyramid(tile) for tile in tiles])
+    return Textures(pyramids, offsets, np.stack([m.ravel() for m in contrasts]), tile_px)
 
 
 def _tile(rng: np.random.Generator, kind: int) -> NDArray[np.float32]:
     """Tile (TILE_PX, TILE_PX) within -1 to 1; mostly of one kind: 0 noise, 1 shapes, 2 stripes."""
-    noise, shapes, stripes = rng.dirichlet(np.where(np.arange(3) == kind, 6.0, 1.5))
-    where_striped = 1 / (1 + np.exp(-3 * _noise(rng, TILE_PX, exponent=2.5)))
-    mixture = noise * _noise(rng, TILE_PX, exponent=rng.uniform(0.9, 1.3)) + shapes * _shapes(rng)
-    mixture += stripes * where_striped * _stripes(rng)
+    shares = rng.dirichlet(np.where(np.arange(3) == kind, 6.0, 1.5))
+    where_striped = 1 / (1 + np.exp(-3 * noise(rng, TILE_PX, exponent=2.5)))
+    mixture = shares[0] * noise(rng, TILE_PX, exponent=rng.uniform(0.9, 1.3)) + shares[1] * _shapes(rng)
+    mixture += shares[2] * where_striped * _stripes(rng)
     # tanh bounds the values without clipping, so no pixel ever saturates
-    return np.tanh(_standardised(mixture)).astype(np.float32)
+    return np.tanh(standardised(mixture)).astype(np.float32)
 
 
-def _noise(rng: np.random.Generator, size_px: int, exponent: float) -> NDArray[np.float32]:
+def noise(rng: np.random.Generator, size_px: int, exponent: float) -> NDArray[np.float32]:
     """Gaussian field whose amplitude spectrum falls as frequency to the power -exponent."""
     cycles = np.arange(size_px // 2 + 1, dtype=np.float32)
     squared = (np.concatenate([cycles[:-1], -cycles[:0:-1]]) ** 2)[:, None] + cycles**2
     squared[0, 0] = np.inf
     parts = rng.standard_normal((*squared.shape, 2), dtype=np.float32)
     spectrum = (parts[..., 0] + 1j * parts[..., 1]) * squared ** np.float32(-exponent / 2)
-    return _standardised(irfft2(spectrum, s=(size_px, size_px)))
+    return standardised(irfft2(spectrum, s=(size_px, size_px)))
 
 
 def _shapes(rng: np.random.Generator, count: int = 3000) -> NDArray[np.float32]:
@@ -87,7 +96,7 @@ def _shapes(rng: np.random.Generator, count: int = 3000) -> NDArray[np.float32]:
     for shape, shift in np.argwhere(((low < TILE_PX) & (high > 0)).all(axis=-1)):
         fixed_point = np.rint((points[shape] + shifts[shift]) * 2**shift_bits).astype(np.int32)
         cv2.fillPoly(image, [fixed_point], int(grey[shape]), cv2.LINE_AA, shift_bits)
-    return _standardised(image)
+    return standardised(image)
 
 
 def _stripes(rng: np.random.Generator) -> NDArray[np.float32]:
@@ -96,22 +105,23 @@ def _stripes(rng: np.random.Generator) -> NDArray[np.float32]:
     # whole numbers of cycles across the tile, so that opposite borders match
     cycles_x, cycles_y = np.rint([cycles * np.cos(direction), cycles * np.sin(direction)])
     place = 2 * np.pi * np.arange(TILE_PX) / TILE_PX
-    phase = (cycles_y * place)[:, None] + cycles_x * place + 1.5 * _noise(rng, TILE_PX, exponent=2.5)
-    return _standardised(np.tanh(rng.uniform(0.5, 6) * np.sin(phase)))
+    phase = (cycles_y * place)[:, None] + cycles_x * place + 1.5 * noise(rng, TILE_PX, exponent=2.5)
+    return standardised(np.tanh(rng.uniform(0.5, 6) * np.sin(phase)))
 
 
 def _contrast_map(rng: np.random.Generator) -> NDArray[np.float32]:
     """Contrast (CONTRAST_PX, CONTRAST_PX), near 1 over most of the map and falling smoothly to 5e-3."""
-    field = _noise(rng, CONTRAST_PX, exponent=2.2)
+    field = noise(rng, CONTRAST_PX, exponent=2.2)
     return (10 ** (-2.3 / (1 + np.exp(-4 * (field - 0.8))))).astype(np.float32)
 
 
-def _standardised(values: NDArray[np.floating] | NDArray[np.uint8]) -> NDArray[np.float32]:
+def standardised(values: NDArray[np.floating] | NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Values of mean 0 and standard deviation 1, as float32."""
     return ((values - values.mean()) / values.std()).astype(np.float32)
 
 
-def _pyramid(tile: NDArray[np.float32]) -> NDArray[np.float32]:
-    """All levels of a tile, halved by averaging 2x2 texels down to one texel, flattened into one row."""
+def pyramid(tile: NDArray[np.float32]) -> NDArray[np.float32]:
+    """All levels of a square tile, halved by averaging 2x2 texels down to one, flattened into one row."""
     levels = [tile]
     while levels[-1].size > 1:
         fine = levels[-1]

@@ -12,9 +12,14 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.errors import DataError
-from flowlik.simulation.paths import figure_eight, straight_line
+from flowlik.simulation.paths import LOOP_LENGTH_M, figure_eight, figure_eight_curvature, straight_line
 
 Array = NDArray[np.float64]
+
+BANK_M = 1.5
+"""Bank of the figure eight [rad] over its curvature [1/m]: about 9 degrees in the sharpest turn."""
+
+HOVER_Z_M = 50.0
 
 
 def straight(
@@ -79,9 +84,53 @@ def training(
     return _poses(positions_m, attitude)
 
 
+def forest_fig8(
+    frames: int, speed_mps: float = 6.0, frames_per_second: float = 60.0, seed: int = 0
+) -> RigidTransform:
+    """Fly a closed, level figure eight of 198 m at constant speed, looking ahead and banking into turns.
+
+    Parameters and return value are those of `straight`; the seed changes nothing. Laps follow one another;
+    a flight of `lap_frames` frames ends in the pose in which it began.
+    """
+    distance_m = _distance_m(frames, speed_mps, frames_per_second)
+    positions_m, headings = figure_eight(distance_m)
+    bank = BANK_M * figure_eight_curvature(distance_m)
+    return _poses(positions_m, np.stack([headings, np.zeros_like(bank), bank], axis=-1))
+
+
+def lap_frames(speed_mps: float = 6.0, frames_per_second: float = 60.0, laps: int = 1) -> int:
+    """Frames of `forest_fig8` whose last pose is the first one again, or within half a step of it.
+
+    It is the same pose where a lap of 198 m is a whole number of steps, as at 6 m/s and 60 frames/s.
+    """
+    if not (speed_mps > 0 and frames_per_second > 0 and laps > 0):
+        raise DataError(
+            f"impossible lap at {speed_mps} m/s and {frames_per_second} frames/s: must be positive"
+        )
+    return 1 + round(laps * LOOP_LENGTH_M * frames_per_second / speed_mps)
+
+
+def hover(
+    frames: int, speed_mps: float = 6.0, frames_per_second: float = 60.0, seed: int = 0
+) -> RigidTransform:
+    """Stand still in the middle of the scene, looking along z.
+
+    Parameters and return value are those of `straight`; speed and seed change nothing.
+    """
+    still = np.zeros_like(_distance_m(frames, speed_mps, frames_per_second))
+    positions_m, headings = straight_line(still + HOVER_Z_M)
+    return _poses(positions_m, np.stack([headings, headings, headings], axis=-1))
+
+
 Trajectory = Callable[[int, float, float, int], RigidTransform]
 
-TRAJECTORIES: dict[str, Trajectory] = {"straight": straight, "curve": curve, "training": training}
+TRAJECTORIES: dict[str, Trajectory] = {
+    "straight": straight,
+    "curve": curve,
+    "training": training,
+    "forest-fig8": forest_fig8,
+    "hover": hover,
+}
 
 
 def _distance_m(frames: int, speed_mps: float, frames_per_second: float) -> Array:

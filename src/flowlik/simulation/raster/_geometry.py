@@ -76,7 +76,10 @@ def corners_in_space(shapes, drawn, corners):
         p = drawn.prototypes[copy]
         mesh = shapes.triangle_starts[p + 1] - shapes.triangle_starts[p]
         for part in range(mesh + drawn.leaves[copy] * STEP):
-            if part >= mesh:
+            if part < mesh:
+                if part >= drawn.parts[copy]:
+                    continue
+            else:
                 leaf, side = (part - mesh) // STEP, (part - mesh) % STEP
                 is_fine = leaf < drawn.fine[copy]
                 if is_fine and side >= shapes.outline_sizes[shapes.outlines[p], 1]:
@@ -155,8 +158,7 @@ def to_screen(first, last, shapes, drawn, R_c_n, origin, camera, width, height, 
     corners, cut = np.empty((3, 3)), np.empty((4, 3))
     most = 0
     for copy in range(first, last):
-        p = drawn.prototypes[copy]
-        most = max(most, shapes.vertex_starts[p + 1] - shapes.vertex_starts[p])
+        most = max(most, drawn.points[copy])
     points = np.empty((max(most, OUTLINE), 5))
     for copy in range(first, last):
         p, m = drawn.prototypes[copy], drawn.transforms[copy]
@@ -169,12 +171,12 @@ def to_screen(first, last, shapes, drawn, R_c_n, origin, camera, width, height, 
                 + R_c_n[r, 2] * (m[2, 3] - origin[2])
             )
         v0 = shapes.vertex_starts[p]
-        for k in range(shapes.vertex_starts[p + 1] - v0):
+        for k in range(drawn.points[copy]):
             v = shapes.vertices[v0 + k]
             _project(points[k], v[0], v[1], v[2], q, fx, fy, cx, cy)
         f0 = shapes.triangle_starts[p]
         mesh = shapes.triangle_starts[p + 1] - f0
-        for k in range(mesh):
+        for k in range(drawn.parts[copy]):
             t = shapes.triangles[f0 + k]
             count = _triangle(
                 screen, owner, count, copy, k, points, t, corners, fx, fy, cx, cy, width, height, cut

@@ -1,4 +1,4 @@
-"""Compiled: the light of each pixel, and the exact depth at its centre."""
+"""Compiled: the light that a ray brings from sky, leaves and meshes, and the exact depth where it ends."""
 
 # mypy: disable-error-code=no-untyped-def
 
@@ -7,11 +7,9 @@ import math
 import numpy as np
 from numba import njit
 
-from flowlik.simulation.raster._geometry import STEP, corner_in_space
+from flowlik.simulation.raster._geometry import corner_in_space
 from flowlik.simulation.raster._shadow import sunlit
 from flowlik.simulation.raster._texturing import look_up, reflectance, slopes
-from flowlik.simulation.raster._visibility import OFFSETS_X, OFFSETS_Y, SAMPLES, TILE, draw
-from flowlik.simulation.raster.packed import OUTLINE
 
 # points are lifted this far towards the sun, so that surfaces do not shade themselves
 SOLID_BIAS_M, LEAF_BIAS_M = 0.06, 0.15
@@ -36,7 +34,7 @@ def _minus(a, b):
 
 
 @njit(cache=True, inline="always")
-def _ray(R_n_c, camera, x, y):
+def ray(R_n_c, camera, x, y):
     """Direction in {n} of the ray through pixel position (x, y), of depth 1 along the optical axis."""
     gx, gy = (x - camera[2]) / camera[0], (y - camera[3]) / camera[1]
     return (
@@ -62,7 +60,7 @@ def exact_depth(copy, part, shapes, drawn, origin, R_n_c, camera, x, y):
     a = corner_in_space(shapes, drawn, copy, part, 0, origin)
     b = corner_in_space(shapes, drawn, copy, part, 1, origin)
     c = corner_in_space(shapes, drawn, copy, part, 2, origin)
-    return _meet(a, _minus(b, a), _minus(c, a), _ray(R_n_c, camera, x, y))[0]
+    return _meet(a, _minus(b, a), _minus(c, a), ray(R_n_c, camera, x, y))[0]
 
 
 @njit(cache=True, inline="always")
@@ -123,8 +121,8 @@ def _turned(transforms, copy, x, y, z):
 
 
 @njit(cache=True, inline="always")
-def _shade_leaf(copy, leaf, shapes, drawn, looks, light, sun, shadows, origin, R_n_c, spot):
-    """Radiance of a whole leaf; `spot` is the factor of its own texture."""
+def leaf_tone(copy, leaf, shapes, drawn, looks, light, sun, shadows, origin, R_n_c):
+    """Radiance of a leaf, that of its middle."""
     p, m = drawn.prototypes[copy], drawn.transforms
     a, b, c = shapes.leaf_centres[leaf, 0], shapes.leaf_centres[leaf, 1], shapes.leaf_centres[leaf, 2]
     x = m[copy, 0, 0] * a + m[copy, 0, 1] * b + m[copy, 0, 2] * c + m[copy, 0, 3]
@@ -137,7 +135,7 @@ def _shade_leaf(copy, leaf, shapes, drawn, looks, light, sun, shadows, origin, R
         m, copy, shapes.leaf_normals[leaf, 0], shapes.leaf_normals[leaf, 1], shapes.leaf_normals[leaf, 2]
     )
     material = shapes.leaf_materials[p]
-    value = looks.reflectance[looks.first_surface[material]] * spot
+    value = looks.reflectance[looks.first_surface[material]]
     value *= 1.0 + looks.leafy[material, 1] * (2.0 * _random(drawn.identities[copy], leaf) - 1.0)
     return _lit(
         value, normal, depth, x, y, z, looks.leafy[material, 0], shapes.leaf_shade[leaf], LEAF_BIAS_M,
@@ -146,13 +144,13 @@ def _shade_leaf(copy, leaf, shapes, drawn, looks, light, sun, shadows, origin, R
 
 
 @njit(cache=True, inline="always")
-def _leaf_spot(copy, part, mesh, x, y, shapes, drawn, looks, origin, R_n_c, camera):
+def leaf_spot(copy, part, mesh, x, y, shapes, drawn, looks, origin, R_n_c, camera):
     """Factor of a leaf's own texture, as seen from near by through pixel position (x, y)."""
     surface = looks.first_surface[shapes.leaf_materials[drawn.prototypes[copy]]]
     a = corner_in_space(shapes, drawn, copy, part, 0, origin)
     e1 = _minus(corner_in_space(shapes, drawn, copy, part, 1, origin), a)
     e2 = _minus(corner_in_space(shapes, drawn, copy, part, 2, origin), a)
-    depth, s, t = _meet(a, e1, e2, _ray(R_n_c, camera, x, y))
+    depth, s, t = _meet(a, e1, e2, ray(R_n_c, camera, x, y))
     size_1 = math.sqrt(e1[0] * e1[0] + e1[1] * e1[1] + e1[2] * e1[2])
     size_2 = math.sqrt(e2[0] * e2[0] + e2[1] * e2[1] + e2[2] * e2[2])
     u, v = min(max(s, 0.0), 1.0) * size_1 + 0.031 * (part - mesh), min(max(t, 0.0), 1.0) * size_2
@@ -161,13 +159,13 @@ def _leaf_spot(copy, part, mesh, x, y, shapes, drawn, looks, origin, R_n_c, came
 
 
 @njit(cache=True, inline="always")
-def _shade_mesh(copy, part, x, y, shapes, drawn, looks, light, sun, shadows, origin, R_n_c, camera):
+def shade_mesh(copy, part, x, y, shapes, drawn, looks, light, sun, shadows, origin, R_n_c, camera):
     """Radiance of a mesh's triangle, seen through pixel position (x, y)."""
     p, m = drawn.prototypes[copy], drawn.transforms
     a = corner_in_space(shapes, drawn, copy, part, 0, origin)
     e1 = _minus(corner_in_space(shapes, drawn, copy, part, 1, origin), a)
     e2 = _minus(corner_in_space(shapes, drawn, copy, part, 2, origin), a)
-    d = _ray(R_n_c, camera, x, y)
+    d = ray(R_n_c, camera, x, y)
     depth, s, t = _meet(a, e1, e2, d)
     # a sample's middle may lie a little beside the triangle
     s = min(1.0, max(0.0, s))
@@ -240,87 +238,3 @@ def _shade_mesh(copy, part, x, y, shapes, drawn, looks, light, sun, shadows, ori
         value, normal, depth, origin[0] + depth * d[0], origin[1] + depth * d[1], origin[2] + depth * d[2],
         looks.leafy[material, 0], 1.0, SOLID_BIAS_M, light, sun, shadows,
     )  # fmt: skip
-
-
-@njit(cache=True, nogil=True)
-def render_tiles(
-    first, last, starts, lists, screen, owner, shapes, drawn, looks, light, sun, shadows,
-    origin, R_n_c, camera, samples, radiance, depth, movers,
-):  # fmt: skip
-    """Draw tiles first to last of a picture into radiance, depth and movers (H, W).
-
-    Parameters
-    ----------
-    starts, lists : arrays (tiles + 1,), (entries,)
-        Triangles of each tile, near copies first.
-    screen, owner : arrays
-        As `flowlik.simulation.raster._geometry.to_screen` wrote them.
-    samples : bool
-        Whether to find the radiance; else depth only.
-    """
-    height, width = depth.shape
-    across = (width + TILE - 1) // TILE
-    nearest, seen = np.empty((TILE * TILE, SAMPLES), np.float32), np.empty((TILE * TILE, SAMPLES), np.int32)
-    centre_w, centre_seen = np.empty(TILE * TILE), np.empty(TILE * TILE, np.int32)
-    farthest = np.empty(TILE * TILE, np.float32)
-    bits = (nearest.view(np.int32), farthest.view(np.int32))
-    who, how_many = np.empty(SAMPLES, np.int32), np.empty(SAMPLES)
-    mean_x, mean_y = np.empty(SAMPLES), np.empty(SAMPLES)
-    spread = 1.0 / camera[0]
-    for tile in range(first, last):
-        left, top = (tile % across) * TILE, (tile // across) * TILE
-        columns, rows = min(TILE, width - left), min(TILE, height - top)
-        nearest[:], seen[:], centre_w[:], centre_seen[:], farthest[:] = 0.0, -1, 0.0, -1, 0.0
-        for j in range(starts[tile], starts[tile + 1]):
-            draw(
-                lists[j], screen, left, top, columns, rows, nearest, seen, farthest, bits,
-                centre_w, centre_seen, samples,
-            )  # fmt: skip
-        for v in range(rows):
-            for u in range(columns):
-                x, y, pixel = u + left, v + top, v * TILE + u
-                i = centre_seen[pixel]
-                depth[y, x], movers[y, x] = np.inf, -1
-                if i >= 0:
-                    copy, part = owner[i, 0], owner[i, 1]
-                    depth[y, x] = exact_depth(copy, part, shapes, drawn, origin, R_n_c, camera, x, y)
-                    movers[y, x] = drawn.movers[copy]
-                if not samples:
-                    continue
-                found = 0
-                for k in range(SAMPLES):
-                    i, j = seen[pixel, k], 0
-                    while j < found and who[j] != i:
-                        j += 1
-                    if j == found:
-                        who[j], how_many[j], mean_x[j], mean_y[j] = i, 0.0, 0.0, 0.0
-                        found += 1
-                    how_many[j] += 1.0
-                    mean_x[j] += OFFSETS_X[k]
-                    mean_y[j] += OFFSETS_Y[k]
-                total = 0.0
-                for j in range(found):
-                    xs, ys = x + mean_x[j] / how_many[j], y + mean_y[j] / how_many[j]
-                    if who[j] < 0:
-                        value = sky(looks, light, sun[0], _ray(R_n_c, camera, xs, ys), spread)
-                    else:
-                        copy, part = owner[who[j], 0], owner[who[j], 1]
-                        p = drawn.prototypes[copy]
-                        mesh = shapes.triangle_starts[p + 1] - shapes.triangle_starts[p]
-                        if part < mesh:
-                            value = _shade_mesh(
-                                copy, part, xs, ys, shapes, drawn, looks, light, sun, shadows,
-                                origin, R_n_c, camera,
-                            )  # fmt: skip
-                        else:
-                            spot = 1.0
-                            if (part - mesh) % STEP < OUTLINE:
-                                spot = _leaf_spot(
-                                    copy, part, mesh, xs, ys, shapes, drawn, looks, origin, R_n_c, camera
-                                )
-                            value = _shade_leaf(
-                                copy, shapes.leaf_starts[p] + (part - mesh) // STEP, shapes, drawn, looks,
-                                light, sun, shadows, origin, R_n_c, spot,
-                            )  # fmt: skip
-                    total += value * how_many[j]
-                radiance[y, x] = total / SAMPLES

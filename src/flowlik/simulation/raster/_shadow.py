@@ -39,7 +39,7 @@ def cast_shadows(first, last, shapes, drawn, spheres, R_s_n, origin, rate, heigh
             continue
         p = drawn.prototypes[copy]
         mesh = shapes.triangle_starts[p + 1] - shapes.triangle_starts[p]
-        for part in range(mesh):
+        for part in range(drawn.parts[copy]):
             _cast(part, copy, shapes, drawn, R_s_n, origin, rate, heights, first, last)
         for leaf in range(drawn.leaves[copy]):
             for side in range(2):

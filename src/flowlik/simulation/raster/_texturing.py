@@ -9,7 +9,7 @@ from numba import njit
 
 _SIZE = 1024
 _LEVELS = 11
-_MOST_TAPS = 6
+_MOST_TAPS = 4
 # a little sharper than a box filter asks for: the samples of a pixel blur the rest
 _SHARPER = 0.84
 _SCALE = np.float32(1.0 / 255.0)

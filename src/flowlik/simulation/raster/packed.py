@@ -44,6 +44,8 @@ class Shapes(NamedTuple):
     outline_rhombus: Floats  # (S,) scale of a rhombus of the same area
     leaf_sizes: Array  # (P,) median half length [m], 0 without leaves
     spheres: Array  # (P, 4) around all of it: centre, radius [m]
+    widths: Floats  # (F,) least altitude [m], falling within a plant; infinite for other things
+    points_used: Ints  # (F,) vertices that a prototype's triangles up to this one use
 
 
 class Looks(NamedTuple):
@@ -70,6 +72,8 @@ class Drawn(NamedTuple):
     transforms: Array  # (N, 3, 4) prototype to {n} [m]
     identities: Ints  # (N,) the same for the same copy in every frame
     movers: Ints  # (N,) index of the moving object, -1 for the static world
+    parts: Ints  # (N,) triangles of the mesh drawn
+    points: Ints  # (N,) vertices that these use
     fine: Ints  # (N,) leaves drawn in their shape
     leaves: Ints  # (N,) leaves drawn at all
     leaf_scale: Array  # (N,) of the leaves drawn as a rhombus
@@ -77,7 +81,8 @@ class Drawn(NamedTuple):
 
 def pack_shapes(prototypes: Sequence[Prototype]) -> Shapes:
     """Lay prototypes out one after another."""
-    joined = Mesh.joined([p.mesh for p in prototypes])
+    ordered = [_thick_first(p) for p in prototypes]
+    joined = Mesh.joined([mesh for mesh, _ in ordered])
     vertex_starts = _starts([len(p.mesh.vertices) for p in prototypes])
     triangle_starts = _starts([len(p.mesh.triangles) for p in prototypes])
     own = np.repeat(vertex_starts[:-1], np.diff(triangle_starts))
@@ -107,6 +112,8 @@ def pack_shapes(prototypes: Sequence[Prototype]) -> Shapes:
         *_outlines(shapes),
         np.array([_leaf_size_m(p.foliage) for p in prototypes]),
         np.array([_sphere(p) for p in prototypes]),
+        np.concatenate([np.empty(0, np.float32), *(widths for _, widths in ordered)]),
+        np.concatenate([np.empty(0, np.int64), *(_points_used(mesh) for mesh, _ in ordered)]),
     )
 
 
@@ -169,6 +176,38 @@ def _area(shape: LeafShape) -> float:
     a, b, c = (shape.vertices[shape.triangles[:, i], :2].astype(float) for i in range(3))
     p, q = b - a, c - a
     return float(np.abs(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]).sum() / 2)
+
+
+def _thick_first(prototype: Prototype) -> tuple[Mesh, Floats]:
+    """Mesh of a prototype and its triangles' widths; of a plant thick limbs first, twigs last."""
+    mesh = prototype.mesh
+    if prototype.foliage is None:
+        return mesh, np.full(len(mesh.triangles), np.inf, np.float32)
+    corners = mesh.vertices[mesh.triangles].astype(np.float64)
+    edges = corners - np.roll(corners, 1, axis=1)
+    longest = np.linalg.norm(edges, axis=2).max(axis=1)
+    widths = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / np.maximum(longest, 1e-12)
+    order = np.argsort(-widths, kind="stable")
+    # vertices in the order of their first use, so that the first triangles need the first vertices only
+    used, first_use = np.unique(mesh.triangles[order], return_index=True)
+    vertices = used[np.argsort(first_use)]
+    number = np.zeros(len(mesh.vertices), np.int32)
+    number[vertices] = np.arange(len(vertices))
+    sorted_mesh = Mesh(
+        mesh.vertices[vertices],
+        mesh.normals[vertices],
+        mesh.uv[vertices],
+        number[mesh.triangles[order]],
+        mesh.materials[order],
+        mesh.paint[vertices],
+    )
+    return sorted_mesh, widths[order].astype(np.float32)
+
+
+def _points_used(mesh: Mesh) -> Ints:
+    if not len(mesh.triangles):
+        return np.empty(0, np.int64)
+    return np.maximum.accumulate(mesh.triangles.max(axis=1)).astype(np.int64) + 1
 
 
 def _leaf_size_m(foliage: Foliage | None) -> float:

@@ -11,7 +11,7 @@ from flowlik.simulation.base import Frame
 from flowlik.simulation.geometry import Array
 from flowlik.simulation.light import Light
 from flowlik.simulation.raster._geometry import corners_in_space, to_screen
-from flowlik.simulation.raster._shading import render_tiles
+from flowlik.simulation.raster._tiles import render_tiles
 from flowlik.simulation.raster._visibility import TILE, count_in_tiles, list_in_tiles
 from flowlik.simulation.raster.packed import Drawn, Ints, Looks, Shapes
 from flowlik.simulation.raster.shadows import Shadows
@@ -41,7 +41,8 @@ def render_frame(
     movers = np.empty(shape, np.int16)
     daylight = np.array([light.sun, light.sky, light.haze_per_m, light.horizon, light.zenith, light.clouds])
     inputs = (
-        starts, lists, screen, owner, shapes, drawn, looks, daylight, shadows.axes, shadows[1:],
+        starts, lists, screen, owner, np.full(len(owner), -1, np.float32), shapes, drawn, looks,
+        daylight, shadows.axes, shadows[1:],
         origin, R_n_c, intrinsics, samples, radiance, depth, movers,
     )  # fmt: skip
     in_bands(lambda first, last: render_tiles(first, last, *inputs), len(starts) - 1, _TILES_PER_BAND)
@@ -103,10 +104,9 @@ def _bin(chunks: Ints, screen: NDArray[np.float32], camera: Pinhole) -> tuple[In
 
 def _most_triangles(shapes: Shapes, drawn: Drawn) -> Ints:
     """Bound (N,) on the triangles of each copy: twice its own, since the near plane may cut one into two."""
-    mesh = np.diff(shapes.triangle_starts)[drawn.prototypes]
     sizes = np.append(shapes.outline_sizes[:, 1], 0)
     outline = sizes[shapes.outlines[drawn.prototypes]]
-    return 2 * (mesh + drawn.fine * outline + 2 * (drawn.leaves - drawn.fine))
+    return 2 * (drawn.parts + drawn.fine * outline + 2 * (drawn.leaves - drawn.fine))
 
 
 def _even_chunks(room: Ints) -> Ints:

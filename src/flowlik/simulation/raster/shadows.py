@@ -14,7 +14,7 @@ from flowlik.simulation.raster.packed import Drawn, Shapes
 from flowlik.threads import in_bands
 
 TEXELS = 4096
-_ROWS_PER_BAND = 128
+_ROWS_PER_BAND = 1024
 
 
 class Shadows(NamedTuple):

@@ -1,0 +1,130 @@
+"""Speed, set-up time and peak memory, each case in a process of its own: what a user's first run meets."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+CASES = ("forest", "driving", "forest-small")
+
+
+def measured(case: str, frames: int, poses: Path | None) -> dict[str, float]:
+    """Run a case in a fresh process; frames per second, set-up time, memory and seconds of each stage."""
+    command = [sys.executable, __file__, case, "--frames", str(frames)]
+    if poses is not None:
+        command += ["--poses", str(poses)]
+    subprocess.run([*command[:3], "--frames", "2", *command[5:]], check=True, capture_output=True)  # compile
+    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+
+
+def run(case: str, frames: int, poses: Path | None) -> dict[str, float]:
+    """Render frames of a case with the default sensor, in runs of neighbouring ones all along the flight."""
+    from flowlik.camera import Pinhole
+    from flowlik.simulation import simulate
+
+    start = time.perf_counter()
+    if case == "driving":
+        sequence = simulate("driving", poses)
+    elif case == "forest":
+        sequence = simulate("forest", "forest-fig8", frames=1980)
+    else:
+        sequence = simulate("forest-small", "training", frames=400, camera=Pinhole.from_fov(320, 180, 120.0))
+    sequence.image(0)
+    setup_s = time.perf_counter() - start
+    run_length = min(10, frames)
+    firsts = range(0, len(sequence) - run_length - 1, max(1, len(sequence) * run_length // frames))
+    stages: dict[str, float] = {}
+    seconds, count = 0.0, 0
+    for first in firsts:
+        sequence.image(first)  # a jump; what follows are a flight's ordinary frames
+        with timed_stages(stages):
+            start = time.perf_counter()
+            for k in range(first + 1, first + 1 + run_length):
+                sequence.image(k)
+            seconds += time.perf_counter() - start
+        count += run_length
+    return {
+        "setup_seconds": setup_s,
+        "frames_per_second": count / seconds,
+        "frames": count,
+        "peak_memory_mb": peak_memory_mb(),
+        **shares(stages),
+    }
+
+
+def shares(stages: dict[str, float]) -> dict[str, float]:
+    """Shares of a picture's time, stages that run inside one another taken apart."""
+    own = {
+        "selection": stages["selection"],
+        "geometry": stages["projection"],
+        "tiling": stages["binning"],
+        "visibility_and_shading": stages["raster"] - stages["projection"] - stages["binning"],
+        "sensor": stages["image"] - stages["frame"],
+    }
+    own["world"] = stages["image"] - sum(own.values())
+    return {f"share_{name}": seconds / stages["image"] for name, seconds in own.items()}
+
+
+@contextmanager
+def timed_stages(seconds: dict[str, float]) -> Iterator[None]:
+    """Add up the seconds spent in the stages of a picture; some run inside others."""
+    from flowlik.simulation.raster import render
+    from flowlik.simulation.scene import Scene
+    from flowlik.simulation.sequence import SimulatedSequence
+
+    stages = [
+        ("image", SimulatedSequence, "image"),
+        ("frame", SimulatedSequence, "frame"),
+        ("selection", Scene, "drawn"),
+        ("projection", render, "_project"),
+        ("binning", render, "_bin"),
+        ("raster", render, "render_frame"),
+    ]
+    kept = [(owner, name, getattr(owner, name)) for _, owner, name in stages]
+
+    def timed(stage, function):
+        def call(*arguments, **named):
+            start = time.perf_counter()
+            try:
+                return function(*arguments, **named)
+            finally:
+                seconds[stage] = seconds.get(stage, 0.0) + time.perf_counter() - start
+
+        return call
+
+    for (stage, owner, name), (_, _, function) in zip(stages, kept):
+        setattr(owner, name, timed(stage, function))
+    try:
+        yield
+    finally:
+        for owner, name, function in kept:
+            setattr(owner, name, function)
+
+
+def peak_memory_mb() -> float:
+    """Peak resident memory of this process [MB].
+
+    Where there is one, /proc is asked: getrusage of a child on Linux begins with its parent's peak.
+    """
+    status = Path("/proc/self/status")
+    if status.exists():
+        line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM"))
+        return int(line.split()[1]) / 1024
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**20
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("case", choices=CASES)
+    parser.add_argument("--frames", type=int, default=40)
+    parser.add_argument("--poses", type=Path)
+    options = parser.parse_args()
+    print(json.dumps(run(options.case, options.frames, options.poses)))

@@ -1,0 +1,69 @@
+"""What `flowlik reproduce` simulates: its quick and its full size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+METHODS = ("farneback", "lucas-kanade")
+SPEEDS_MPS = (1.5, 3.0, 6.0, 12.0)
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A simulated flight: world seed, trajectory, speed [m/s] at 60 frames/s, pairs, methods that see it."""
+
+    seed: int
+    trajectory: str
+    speed_mps: float
+    pairs: int
+    methods: tuple[str, ...] = METHODS
+
+    @property
+    def label(self) -> str:
+        """Short name in results."""
+        return f"{self.trajectory}-{self.speed_mps:g}mps-seed{self.seed}"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """World, camera, calibration and held-out flights of a reproduction, and the levels counted in K-S."""
+
+    world: str
+    width: int
+    height: int
+    fov_deg: float
+    calibration: tuple[Flight, ...]
+    held_out: tuple[Flight, ...]
+    least_components: int
+    least_frames: int
+
+
+QUICK = Plan(
+    world="forest-small",
+    width=320,
+    height=180,
+    fov_deg=120.0,
+    calibration=tuple(Flight(seed, "training", v, 20) for seed in (0, 1) for v in SPEEDS_MPS),
+    held_out=(Flight(100, "curve", 6.0, 60), Flight(101, "curve", 9.0, 60)),
+    least_components=10_000,
+    least_frames=20,
+)
+
+FULL = Plan(
+    world="forest",
+    width=640,
+    height=360,
+    fov_deg=120.0,
+    # 1651 pairs for Farnebäck and 6478 for Lucas-Kanade, as in the paper's Table I
+    calibration=(
+        *(Flight(0, "training", v, n) for v, n in zip(SPEEDS_MPS, (413, 413, 413, 412))),
+        *(
+            Flight(1, "training", v, n, ("lucas-kanade",))
+            for v, n in zip(SPEEDS_MPS, (1207, 1207, 1207, 1206))
+        ),
+    ),
+    # 100 m, and one lap of the figure eight (197.4 m)
+    held_out=(Flight(100, "straight", 6.0, 1000), Flight(101, "forest-fig8", 6.0, 1974)),
+    least_components=100_000,
+    least_frames=30,
+)
