@@ -1,11 +1,15 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from flowlik.commands.reproduce import BASELINE, METHODS, QUICK, Flight, Plan, reproduce
+from flowlik.commands.plans import FULL, METHODS, QUICK, Flight, Plan
+from flowlik.commands.reproduce import BASELINE, reproduce
 from flowlik.model_file import load_likelihood
 from flowlik.records import read_records, select
 
 TINY = Plan(
+    world="planes",
     width=96,
     height=64,
     fov_deg=120.0,
@@ -14,6 +18,7 @@ TINY = Plan(
     least_components=500,
     least_frames=5,
 )
+HELD_OUT = f"planes-{TINY.held_out[0].label}"
 ESTIMATORS = ("ransac", "lcmsac", "mle", BASELINE)
 
 
@@ -51,7 +56,7 @@ def test_models_metrics_figures_and_page_are_left(run):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_every_family_is_judged_on_both_populations(run, method):
-    for dataset, split in [("planes-calibration", "calibration"), (TINY.held_out[0].label, "held-out")]:
+    for dataset, split in [("planes-calibration", "calibration"), (HELD_OUT, "held-out")]:
         for family in ("lcm", "log-logistic", "gaussian"):
             for metric in ("nll", "ks_median", "coverage_90", "outside_fraction"):
                 (record,) = select(
@@ -63,7 +68,7 @@ def test_every_family_is_judged_on_both_populations(run, method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_every_estimator_flies_and_is_compared(run, method):
-    flight = TINY.held_out[0].label
+    flight = HELD_OUT
     for estimator in ESTIMATORS:
         records = select(run.records, dataset=flight, flow=method, estimator=estimator)
         found = {record.metric: record for record in records}
@@ -82,14 +87,31 @@ def test_every_estimator_flies_and_is_compared(run, method):
 
 
 def median_error(run, method, estimator):
-    arrays = np.load(run.path / "data" / f"frame-errors--{method}-{TINY.held_out[0].label}.npz")
+    arrays = np.load(run.path / "data" / f"frame-errors--{method}-{HELD_OUT}.npz")
     return np.median(arrays["translation"][list(arrays["names"]).index(estimator)])
 
 
-def test_the_quick_plan_holds_out_worlds_paths_and_a_speed():
+def test_a_method_sees_only_its_flights(tmp_path):
+    calibration = (Flight(0, "training", 6.0, 12), Flight(1, "training", 6.0, 6, ("lucas-kanade",)))
+    done = reproduce(tmp_path / "run", replace(TINY, calibration=calibration))
+    pairs = {m: load_likelihood(done.path / "models" / f"{m}.json").provenance["pairs"] for m in METHODS}
+    assert pairs == {"farneback": 12, "lucas-kanade": 18}
+
+
+def test_the_full_plan_has_the_papers_frame_counts():
+    for method, frames in (("farneback", 1651), ("lucas-kanade", 6478)):
+        assert sum(f.pairs for f in FULL.calibration if method in f.methods) == frames
+    assert (FULL.width, FULL.height, FULL.fov_deg, FULL.world) == (640, 360, 120.0, "forest")
+
+
+@pytest.mark.parametrize("plan", [QUICK, FULL])
+def test_plans_hold_out_worlds_and_paths(plan):
+    assert not {f.seed for f in plan.calibration} & {f.seed for f in plan.held_out}
+    assert not {f.trajectory for f in plan.calibration} & {f.trajectory for f in plan.held_out}
+
+
+def test_the_quick_plan_holds_out_a_speed():
     calibration, held_out = QUICK.calibration, QUICK.held_out
-    assert not {f.seed for f in calibration} & {f.seed for f in held_out}
-    assert not {f.trajectory for f in calibration} & {f.trajectory for f in held_out}
     assert {f.speed_mps for f in held_out} - {f.speed_mps for f in calibration}
     assert len({f.speed_mps for f in calibration}) > 1
     assert sum(f.pairs for f in held_out) >= 100

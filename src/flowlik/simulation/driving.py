@@ -34,7 +34,7 @@ RINGS = (2, 4, 5)
 ROAD_RINGS = 9
 """Rings of squares in which roads are drawn."""
 
-SHADOW_RADIUS_M = 110.0
+SHADOW_RADIUS_M = 100.0
 
 _LIGHT = Light(sun=2.5, sky=0.12, haze_per_m=0.0006, horizon=0.75, zenith=0.3)
 
