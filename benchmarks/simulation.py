@@ -56,7 +56,12 @@ def measure_speed(options: Options) -> Iterator[Record]:
     least = {"forest": 3.0, "driving": 1.2, "forest-small": 12.0}
     most = {"setup_seconds": 8.0, "peak_memory_mb": 900.0}
     sizes = {"forest": "640x360", "driving": "1242x375", "forest-small": "320x180"}
-    units = {"frames_per_second": "1/s", "setup_seconds": "s", "peak_memory_mb": "MB"}
+    units = {
+        "frames_per_second": "1/s",
+        "cpu_seconds_per_frame": "s",
+        "setup_seconds": "s",
+        "peak_memory_mb": "MB",
+    }
     for case in speed.CASES:
         poses = options.kitti_poses / "00.txt" if case == "driving" and options.kitti_poses else None
         if case.split("-")[0] not in options.worlds or (case == "driving" and poses is None):

@@ -111,7 +111,7 @@ def test_pictures_are_lit_and_deep(world: ForestWorld, camera: Pinhole) -> None:
     frame = world.render(pose(0, 0, 10), camera)
     assert frame.radiance.shape == frame.depth.shape == (90, 160)
     assert frame.movers is None and world.mover_poses(0.0) is None
-    assert 0.02 < frame.radiance.mean() < 0.6 and (frame.radiance > 1).mean() < 0.01
+    assert 0.02 < frame.radiance.mean() < 0.6 and (frame.radiance > 1).mean() < 0.05
     assert frame.radiance.std() > 0.05
     seen = frame.depth[np.isfinite(frame.depth)]
     assert 0.5 < seen.min() < 5 < np.quantile(seen, 0.9)
