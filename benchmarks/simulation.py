@@ -48,7 +48,7 @@ class Options:
         if self.kitti_poses is not None:
             street = self.kitti_poses / "00.txt"
             found["driving"] = lambda: simulate("driving", street, frames, sensor=IDEAL_SENSOR)
-            found["traffic"] = lambda: simulate("driving", street, frames, sensor=IDEAL_SENSOR, traffic=True)
+            found["traffic"] = lambda: simulate("driving", street, frames, sensor=IDEAL_SENSOR, traffic=12)
         return {world: found[world] for world in self.worlds if world in found}
 
 

@@ -18,6 +18,7 @@ Picture = NDArray[np.uint8]
 NEAREST_M, FARTHEST_M = 1.0, 200.0
 GAP_PX = 6
 JPEG_QUALITY = 84
+_FONT = cv2.FONT_HERSHEY_SIMPLEX, 0.5
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Flight:
     world: str
     trajectory: str | Path
     frames: int | None = None
-    traffic: bool = False
+    traffic: int = 0
 
 
 @lru_cache(maxsize=1)
@@ -59,8 +60,9 @@ def sheets(kitti_poses: Path | None) -> dict[str, tuple[int, Places]]:
             1,
             [
                 (Flight("driving", street), (60, 1500, 3300)),
-                (Flight("driving", street, traffic=True), (420,)),
-                (Flight("driving", motorway), (20, 600)),
+                (Flight("driving", street, traffic=12), (505,)),
+                (Flight("driving", motorway), (600,)),
+                (Flight("driving", motorway, traffic=12), (50,)),
             ],
         )
     return found
@@ -80,8 +82,9 @@ def _label(flight: Flight, k: int) -> str:
 def cell(sequence: SimulatedSequence, k: int, label: str) -> Picture:
     """One place: the image, and at half its size depth and flow, to the right of it or, if wide, below."""
     image = cv2.cvtColor(sequence.image(k), cv2.COLOR_GRAY2BGR)
-    cv2.putText(image, label, (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 3, cv2.LINE_AA)
-    cv2.putText(image, label, (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1, cv2.LINE_AA)
+    (width, height), _ = cv2.getTextSize(label, *_FONT, 1)
+    cv2.rectangle(image, (0, 0), (width + 12, height + 12), (0, 0, 0), -1)
+    cv2.putText(image, label, (6, height + 6), *_FONT, (255, 255, 255), 1, cv2.LINE_AA)
     flow = sequence.flow(k)
     rgb = hue_colours(flow, flow_scale(flow))
     coloured = np.rint(255 * rgb[..., ::-1]).astype(np.uint8)

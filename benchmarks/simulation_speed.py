@@ -8,8 +8,6 @@ import resource
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 CASES = ("forest", "driving", "forest-small")
@@ -32,6 +30,7 @@ def run(case: str, frames: int, poses: Path | None) -> dict[str, float]:
     """Render frames of a case with the default sensor, in runs of neighbouring ones all along the flight."""
     from flowlik.camera import Pinhole
     from flowlik.simulation import simulate
+    from simulation_profile import profile
 
     start = time.perf_counter()
     if case == "driving":
@@ -44,75 +43,24 @@ def run(case: str, frames: int, poses: Path | None) -> dict[str, float]:
     setup_s = time.perf_counter() - start
     run_length = min(10, frames)
     firsts = range(0, len(sequence) - run_length - 1, max(1, len(sequence) * run_length // frames))
-    stages: dict[str, float] = {}
     seconds, cpu_seconds, count = 0.0, 0.0, 0
     for first in firsts:
         sequence.image(first)  # a jump; what follows are a flight's ordinary frames
-        with timed_stages(stages):
-            start, cpu_start = time.perf_counter(), time.process_time()
-            for k in range(first + 1, first + 1 + run_length):
-                sequence.image(k)
-            seconds += time.perf_counter() - start
-            cpu_seconds += time.process_time() - cpu_start
+        start, cpu_start = time.perf_counter(), time.process_time()
+        for k in range(first + 1, first + 1 + run_length):
+            sequence.image(k)
+        seconds += time.perf_counter() - start
+        cpu_seconds += time.process_time() - cpu_start
         count += run_length
+    peak_mb = peak_memory_mb()  # before the profile, which is no part of a flight
     return {
         "setup_seconds": setup_s,
         "frames_per_second": count / seconds,
         "cpu_seconds_per_frame": cpu_seconds / count,
         "frames": count,
-        "peak_memory_mb": peak_memory_mb(),
-        **shares(stages),
+        "peak_memory_mb": peak_mb,
+        **profile(sequence, range(101, 101 + min(8, frames))),
     }
-
-
-def shares(stages: dict[str, float]) -> dict[str, float]:
-    """Shares of a picture's time, stages that run inside one another taken apart."""
-    own = {
-        "selection": stages["selection"],
-        "geometry": stages["projection"],
-        "tiling": stages["binning"],
-        "visibility_and_shading": stages["raster"] - stages["projection"] - stages["binning"],
-        "sensor": stages["image"] - stages["frame"],
-    }
-    own["world"] = stages["image"] - sum(own.values())
-    return {f"share_{name}": seconds / stages["image"] for name, seconds in own.items()}
-
-
-@contextmanager
-def timed_stages(seconds: dict[str, float]) -> Iterator[None]:
-    """Add up the seconds spent in the stages of a picture; some run inside others."""
-    from flowlik.simulation import scene
-    from flowlik.simulation.raster import render
-    from flowlik.simulation.scene import Scene
-    from flowlik.simulation.sequence import SimulatedSequence
-
-    stages = [
-        ("image", SimulatedSequence, "image"),
-        ("frame", SimulatedSequence, "frame"),
-        ("selection", Scene, "drawn"),
-        ("projection", render, "_project"),
-        ("binning", render, "_bin"),
-        ("raster", scene, "render_frame"),
-    ]
-    kept = [(owner, name, getattr(owner, name)) for _, owner, name in stages]
-
-    def timed(stage, function):
-        def call(*arguments, **named):
-            start = time.perf_counter()
-            try:
-                return function(*arguments, **named)
-            finally:
-                seconds[stage] = seconds.get(stage, 0.0) + time.perf_counter() - start
-
-        return call
-
-    for (stage, owner, name), (_, _, function) in zip(stages, kept):
-        setattr(owner, name, timed(stage, function))
-    try:
-        yield
-    finally:
-        for owner, name, function in kept:
-            setattr(owner, name, function)
 
 
 def peak_memory_mb() -> float:
