@@ -101,7 +101,5 @@ def make_scene(
         flow = flow + np.einsum("nij,nj->ni", R_i_e, z)
     gross = rng.choice(n, int(outliers * n), replace=False)
     flow[gross] += rng.uniform(-40, 40, (len(gross), 2))
-    measurements = Measurements(
-        pixels, flow, R_i_e, {"texture": texture}, TextureDefinition(), {"name": "synthetic"}
-    )
+    measurements = Measurements(pixels, flow, R_i_e, texture, TextureDefinition(), {"name": "synthetic"})
     return Scene(T, measurements, depth)

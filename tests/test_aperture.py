@@ -41,7 +41,7 @@ def test_the_error_of_a_grating_lies_along_its_bars(method, angle_deg):
     across, along = axes(angle_deg)
     motion = ACROSS * across + ALONG * along
     m = seen(method, angle_deg, motion)
-    t1, t2 = m.covariates["texture"].T
+    t1, t2 = m.t.T
     assert np.median(t1 / t2) > 500
     np.testing.assert_allclose(np.abs(m.R_i_e[:, :, 0] @ across), 1, atol=1e-3)
 

@@ -53,7 +53,7 @@ def test_selection_keeps_all_fields_together(which):
     assert len(part) == len(again)
     for name in ("pixels", "flow", "R_i_e"):
         np.testing.assert_array_equal(getattr(part, name), getattr(again, name))
-    np.testing.assert_array_equal(part.covariates["texture"], again.covariates["texture"])
+    np.testing.assert_array_equal(part.t, again.t)
 
 
 def test_what_has_no_flow_is_left_out_and_counted():
@@ -67,7 +67,7 @@ def test_measurements_carry_texture_and_its_definition():
     definition = TextureDefinition(window=7)
     m = measure(IMAGE, IMAGE, KnownFlow(), definition, np.array([[10.0, 20], [33, 44]]))
     t, R_i_e = eigenbasis(structure_tensor(IMAGE, definition)[[20, 44], [10, 33]])
-    np.testing.assert_allclose(m.covariates["texture"], t, rtol=1e-12)
+    np.testing.assert_allclose(m.t, t, rtol=1e-12)
     np.testing.assert_allclose(m.R_i_e, R_i_e, atol=1e-12)
     assert (m.texture, m.method) == (definition, describe(KnownFlow()))
 

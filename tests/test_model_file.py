@@ -8,10 +8,16 @@ from flowlik.families import FAMILIES
 from flowlik.flow import Farneback, LucasKanade, describe
 from flowlik.likelihood import FlowLikelihood
 from flowlik.model_file import load_likelihood, save_likelihood
-from flowlik.schedule import Index, Schedule, Term
+from flowlik.schedule import Index, Input, Schedule, Term
 from flowlik.texture import TextureDefinition
 from tests.helpers import KNOTS, lcm_likelihood
 from tests.test_likelihood import VALUES
+
+INDEX = Index(
+    (Input("texture", 1e-2), Input("discrepancy", 0.1, 50.0)),
+    (Term(("texture",), 0.7), Term(("discrepancy", "discrepancy"), -1 / 3)),
+    offset=0.1,
+)
 
 
 @pytest.fixture
@@ -24,7 +30,7 @@ def path(tmp_path):
 def test_a_model_comes_back_as_it_was(tmp_path, name):
     model = FlowLikelihood(
         FAMILIES[name],
-        Schedule(Index((Term("texture", 1e-2, 0.7), Term("discrepancy", 0.1, -1 / 3))), KNOTS, VALUES[name]),
+        Schedule(INDEX, KNOTS, VALUES[name]),
         TextureDefinition(window=7),
         describe(LucasKanade(window=15)),
         {"data": "synthetic", "pairs": 3},
@@ -58,6 +64,10 @@ def table(name, row):
     return lambda content: json.dumps({**content, "table": {**content["table"], name: row}})
 
 
+def index(**values):
+    return lambda content: json.dumps({**content, "index": {**content["index"], **values}})
+
+
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
@@ -67,8 +77,8 @@ def table(name, row):
         (lambda content: "[1, 2]", "not a flowlik model file"),
         (lambda content: '{"dataset": "planes"}', "family"),
         (changed(comment="mine"), "comment"),
-        (changed(schema_version=2), "schema_version"),
-        (changed(interpolation="link"), "interpolation"),
+        (changed(schema_version=1), "schema_version"),
+        (changed(interpolation="link"), "interpolates the parameter"),
         (changed(family="student"), "unknown error family 'student'"),
         (changed(family="gaussian"), "needs the parameters"),
         (changed(knots=[0.0, 2.0, 1.0, 3.0]), "increasing knots"),
@@ -79,7 +89,10 @@ def table(name, row):
         (changed(flow={"name": "farneback", "windows": 3}), "unknown flow method"),
         (changed(texture={"derivative": "scharr", "window": 4}), "window"),
         (changed(texture={"derivative": "scharr"}), "texture.window"),
-        (changed(index=[{"covariate": "texture", "floor": 0.01}]), "index.0.weight"),
+        (changed(index={"inputs": [{"covariate": "texture", "low": 0.01}]}), "index.terms"),
+        (index(inputs=[{"covariate": "colour", "low": 1.0, "high": None}]), "colour"),
+        (index(high=-9.0), "increasing"),
+        (index(offset="much"), "index.offset"),
         (table("gamma", [1.0, 1.0, -1.0, 1.0]), "gamma leaves its bounds"),
         (table("w_L", [0.5, 0.5, 1.5, 0.5]), "w_L leaves its bounds"),
         (table("gamma", [1.0, 1.0]), "differ in number"),
@@ -109,8 +122,8 @@ def test_missing_and_binary_files_are_one_line(tmp_path):
         assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("index", [[], [{"covariate": "texture", "floor": 0.0, "weight": 1.0}]])
-def test_an_index_that_gives_no_coordinate_is_refused(path, index):
-    path.write_text(changed(index=index)(json.loads(path.read_text())))
-    with pytest.raises(ModelError, match=r"index|floor"):
+@pytest.mark.parametrize("change", [{"terms": []}, {"inputs": [{"covariate": "texture", "low": 0.0}]}])
+def test_an_index_that_gives_no_coordinate_is_refused(path, change):
+    path.write_text(index(**change)(json.loads(path.read_text())))
+    with pytest.raises(ModelError, match=r"index"):
         load_likelihood(path)

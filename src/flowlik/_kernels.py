@@ -1,4 +1,4 @@
-"""Compiled kernels of the texture module; their plain numpy twins stand in the tests."""
+"""Compiled kernels of texture and signals; their plain numpy twins stand in the tests."""
 
 from __future__ import annotations
 
@@ -90,3 +90,36 @@ def bilinear(S: NDArray[np.floating], pixels: Array) -> Array:
             bottom = (1 - a) * S[v0 + 1, u0, c] + a * S[v0 + 1, u0 + 1, c]
             out[i, c] = (1 - b) * top + b * bottom
     return out
+
+
+@njit(cache=True, inline="always")
+def _grey(image, u, v):  # type: ignore[no-untyped-def]
+    """Bilinear grey value, clamped to the outermost pixel centres."""
+    u = min(max(u, 0.0), image.shape[1] - 1.0)
+    v = min(max(v, 0.0), image.shape[0] - 1.0)
+    u0, v0 = min(int(u), image.shape[1] - 2), min(int(v), image.shape[0] - 2)
+    a, b = u - u0, v - v0
+    top = (1 - a) * image[v0, u0] + a * image[v0, u0 + 1]
+    bottom = (1 - a) * image[v0 + 1, u0] + a * image[v0 + 1, u0 + 1]
+    return (1 - b) * top + b * bottom
+
+
+@njit(cache=True, nogil=True)
+def patch_residual(previous, current, pixels, flow, window, first, last, residual):  # type: ignore[no-untyped-def]
+    """Mean absolute difference of the patches at both ends of vectors first to last, but their means'."""
+    half, size = window // 2, window * window
+    differences = np.empty(size)
+    for i in range(first, last):
+        mean, k = 0.0, 0
+        for dv in range(-half, half + 1):
+            for du in range(-half, half + 1):
+                u, v = pixels[i, 0] + du, pixels[i, 1] + dv
+                end = _grey(current, u + flow[i, 0], v + flow[i, 1])
+                differences[k] = end - _grey(previous, u, v)
+                mean += differences[k]
+                k += 1
+        mean /= size
+        total = 0.0
+        for k in range(size):
+            total += abs(differences[k] - mean)
+        residual[i] = total / size

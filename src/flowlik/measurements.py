@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 
 from flowlik.camera import Array
 from flowlik.errors import DataError
-from flowlik.flow.base import FlowMethod, check_pair, describe
+from flowlik.flow.base import DenseFlow, FlowMethod, all_pixels, check_pair, describe, sampler
+from flowlik.signals import Pair, signal
 from flowlik.texture import TextureDefinition, eigenbasis, sample_tensor, structure_tensor
 
 
@@ -26,13 +28,14 @@ class Measurements:
         Measured flow [px] in {i}, finite.
     R_i_e : array (N, 2, 2)
         Eigenbasis of the structure tensor at each pixel of image k-1.
-    covariates : dict of str to array (N, 2)
-        What a schedule may depend on, per eigen-component; always holds ``"texture"``, the eigenvalues
-        t1 >= t2 [intensity^2/px^2].
+    t : array (N, 2)
+        Texture: eigenvalues t1 >= t2 [intensity^2/px^2] of the structure tensor.
     texture : TextureDefinition
         What t means.
     method : dict
         Flow method's name and parameters, as in model files.
+    signals : dict of str to array (N,) or (N, 2)
+        What else was measured about each vector, by its name in `flowlik.signals`; NaN where it failed.
     lost : int
         Asked-for pixels without a finite flow, left out.
     """
@@ -40,9 +43,10 @@ class Measurements:
     pixels: Array
     flow: Array
     R_i_e: Array
-    covariates: dict[str, Array]
+    t: Array
     texture: TextureDefinition
     method: dict[str, Any]
+    signals: dict[str, Array] = field(default_factory=dict)
     lost: int = 0
 
     def __len__(self) -> int:
@@ -56,7 +60,8 @@ class Measurements:
             pixels=self.pixels[which],
             flow=self.flow[which],
             R_i_e=self.R_i_e[which],
-            covariates={name: values[which] for name, values in self.covariates.items()},
+            t=self.t[which],
+            signals={name: values[which] for name, values in self.signals.items()},
         )
 
     def errors(self, true_flow: Array) -> Array:
@@ -76,8 +81,9 @@ def measure(
     method: FlowMethod,
     texture: TextureDefinition | None = None,
     pixels: Array | None = None,
+    signals: Iterable[str] = (),
 ) -> Measurements:
-    """Measure the flow between two grey images, with texture and eigenbasis.
+    """Measure the flow between two grey images, with texture, eigenbasis and signals.
 
     Parameters
     ----------
@@ -89,6 +95,8 @@ def measure(
         Definition of texture; the default is the paper's.
     pixels : array (N, 2), optional
         Where to measure [px]; by default where the method itself chooses.
+    signals : iterable of str
+        Signals to measure besides, as a schedule's index names them.
 
     Raises
     ------
@@ -96,12 +104,18 @@ def measure(
         If the images differ in size or are not grey uint8, or pixels lie outside.
     """
     check_pair(previous, current)
-    if pixels is None:
-        pixels, flow = method.measure(previous, current)
-    else:
+    flow_at = sampler(method, previous, current)
+    if pixels is not None:
         pixels = _checked_pixels(pixels, previous.shape)
-        flow = method.measure_at(previous, current, pixels)
-    return attach_texture(previous, pixels, flow, method, texture)
+        flow = flow_at(pixels)
+    elif isinstance(method, DenseFlow):
+        pixels = all_pixels(previous.shape)
+        flow = flow_at(pixels)
+    else:
+        pixels, flow = method.measure(previous, current)
+    m = attach_texture(previous, pixels, flow, method, texture)
+    pair = Pair(previous, current, method, flow_at, m.pixels, m.flow)
+    return replace(m, signals={name: signal(name)(pair) for name in signals})
 
 
 def attach_texture(
@@ -116,7 +130,8 @@ def attach_texture(
     known = np.asarray(np.isfinite(flow).all(axis=1))
     pixels, flow = np.asarray(pixels[known], np.float64), np.asarray(flow[known], np.float64)
     t, R_i_e = eigenbasis(sample_tensor(structure_tensor(previous, texture), pixels))
-    return Measurements(pixels, flow, R_i_e, {"texture": t}, texture, describe(method), int(np.sum(~known)))
+    lost = int(np.sum(~known))
+    return Measurements(pixels, flow, R_i_e, t, texture, describe(method), lost=lost)
 
 
 def stratified_pixels(shape: tuple[int, int], count: int, rng: np.random.Generator, margin: int = 2) -> Array:

@@ -13,7 +13,7 @@ from flowlik.families import error_family
 from flowlik.files import atomic_write
 from flowlik.flow import describe, flow_method
 from flowlik.likelihood import FlowLikelihood
-from flowlik.schedule import Index, Schedule, Term
+from flowlik.schedule import Schedule, index_of_values, index_values
 from flowlik.texture import TextureDefinition
 
 
@@ -21,10 +21,23 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
-class _Term(_Strict):
+class _Input(_Strict):
     covariate: str
-    floor: float = Field(gt=0)
+    low: float = Field(gt=0)
+    high: float | None = None
+
+
+class _Term(_Strict):
+    covariates: list[str] = Field(min_length=1)
     weight: float
+
+
+class _Index(_Strict):
+    inputs: list[_Input] = Field(min_length=1)
+    terms: list[_Term] = Field(min_length=1)
+    offset: float
+    low: float
+    high: float
 
 
 class _Texture(_Strict):
@@ -33,17 +46,18 @@ class _Texture(_Strict):
 
 
 class ModelFile(_Strict):
-    """Layout of a model file, schema version 1.
+    """Layout of a model file, schema version 2.
 
-    ``knots`` are of the index x (ln of texture for the paper's schedule); ``table`` maps each parameter
-    of the family to its values at the knots; ``score_correlation`` is the correlation of scores over pixel
-    distance, when it is known.
+    ``index`` says how covariates give x (ln of texture for the paper's schedule), ``knots`` are of x;
+    ``table`` maps each parameter of the family to its values at the knots, between which the parameter
+    itself is linear or its link, as ``interpolation`` says; ``score_correlation`` is the correlation of
+    scores over pixel distance, when it is known.
     """
 
-    schema_version: Literal[1] = 1
+    schema_version: Literal[2] = 2
     family: str
-    interpolation: Literal["parameter"] = "parameter"
-    index: list[_Term] = Field(min_length=1)
+    interpolation: Literal["parameter", "link"]
+    index: _Index
     knots: list[float]
     table: dict[str, list[float]]
     texture: _Texture
@@ -66,7 +80,8 @@ def save_likelihood(likelihood: FlowLikelihood, path: Path | str) -> None:
     schedule = likelihood.schedule
     content = ModelFile(
         family=likelihood.family.name,
-        index=[_Term(covariate=t.covariate, floor=t.floor, weight=t.weight) for t in schedule.index.terms],
+        interpolation=likelihood.family.interpolation,
+        index=_Index.model_validate(index_values(schedule.index)),
         knots=schedule.knots.tolist(),
         table={p.name: row.tolist() for p, row in zip(likelihood.family.parameters, schedule.values)},
         texture=_Texture.model_validate(likelihood.texture.describe()),
@@ -95,12 +110,16 @@ def load_likelihood(path: Path | str) -> FlowLikelihood:
             raise ModelError(
                 f"family {family.name} needs the parameters {names}, not {sorted(content.table)}"
             )
+        if content.interpolation != family.interpolation:
+            raise ModelError(
+                f"family {family.name} interpolates the {family.interpolation}, not {content.interpolation}"
+            )
         if len({len(content.knots), *map(len, content.table.values())}) != 1:
             raise ModelError("knots and parameters differ in number")
         return FlowLikelihood(
             family,
             Schedule(
-                Index(tuple(Term(t.covariate, t.floor, t.weight) for t in content.index)),
+                index_of_values(content.index.model_dump()),
                 np.array(content.knots, dtype=np.float64),
                 np.array([content.table[name] for name in names], dtype=np.float64),
             ),

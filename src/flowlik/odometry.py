@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Literal
 
@@ -25,13 +25,18 @@ ScaleSource = Literal["truth-norm", "none"]
 
 
 def measure_features(
-    previous: Image, current: Image, method: FlowMethod, texture: TextureDefinition, seed: int = 0
+    previous: Image,
+    current: Image,
+    method: FlowMethod,
+    texture: TextureDefinition,
+    seed: int = 0,
+    signals: Iterable[str] = (),
 ) -> Measurements:
     """Measure at a method's own corners, or at 4000 stratified pixels of a dense one."""
     pixels = None
     if isinstance(method, DenseFlow):
         pixels = stratified_pixels(previous.shape, DENSE_PIXELS, np.random.default_rng(seed))
-    return measure(previous, current, method, texture, pixels)
+    return measure(previous, current, method, texture, pixels, signals)
 
 
 def features_of(method: FlowMethod) -> str:
@@ -113,8 +118,9 @@ class Odometry:
             self.poses.append(RigidTransform.identity())
             return unsolved(Status.TOO_FEW, "the first image has none before it")
         k = len(self.poses)
-        texture = self.estimator.likelihood.texture
-        m = measure_features(previous, image, self.method, texture, seed=self.seed + k)
+        likelihood = self.estimator.likelihood
+        signals = likelihood.schedule.index.signals
+        m = measure_features(previous, image, self.method, likelihood.texture, self.seed + k, signals)
         residual: Residual = (
             Epipolar.of(m, self.camera) if known_depth is None else KnownDepth.of(m, self.camera, known_depth)
         )

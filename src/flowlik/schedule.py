@@ -2,67 +2,124 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
 from flowlik.camera import Array
+from flowlik.covariates import covariate, of_components
 from flowlik.errors import ModelError
 from flowlik.families.base import ErrorFamily
 from flowlik.measurements import Measurements
 
+TEXTURE_RANGE = (float(np.log(1e-2)), float(np.log(1e5)))
+
 
 @dataclass(frozen=True)
-class Term:
-    """One term of an index: the logarithm of a covariate, floored, times a weight.
+class Input:
+    """A covariate as an index takes it: clipped to the range in which it was calibrated.
 
     Parameters
     ----------
     covariate : str
-        Name in `Measurements.covariates`.
-    floor : float
-        Least value, in the covariate's unit.
-    weight : float
-        Factor of ln(covariate).
+        Name in `flowlik.covariates.COVARIATES`.
+    low, high : float
+        Range [the covariate's unit], low > 0.
     """
 
     covariate: str
-    floor: float
+    low: float
+    high: float = np.inf
+
+
+@dataclass(frozen=True)
+class Term:
+    """A weight times the product of one or two inputs' logarithms."""
+
+    covariates: tuple[str, ...]
     weight: float = 1.0
 
 
 @dataclass(frozen=True)
 class Index:
-    """The schedule's coordinate ``x = sum_j weight_j ln(max(covariate_j, floor_j))`` of a component.
+    """The schedule's coordinate of a component, ``x = offset + sum_j weight_j prod_i ln c_ij``.
 
-    The paper's schedule is the single term ln t.
+    The c are clipped covariates. The paper's schedule is the single term ln t.
+
+    Attributes
+    ----------
+    inputs : tuple of Input
+        Covariates and their ranges.
+    terms : tuple of Term
+        What is added up.
+    offset : float
+        Constant.
+    low, high : float
+        Range of x that sketches bin; values beyond are counted in the outer bins.
     """
 
-    terms: tuple[Term, ...] = (Term("texture", 1e-2),)
+    inputs: tuple[Input, ...] = (Input("texture", 1e-2),)
+    terms: tuple[Term, ...] = (Term(("texture",)),)
+    offset: float = 0.0
+    low: float = TEXTURE_RANGE[0]
+    high: float = TEXTURE_RANGE[1]
 
-    def of(self, covariates: dict[str, Array]) -> Array:
-        """Coordinates x of covariates of any one shape."""
-        missing = [term.covariate for term in self.terms if term.covariate not in covariates]
-        if missing:
-            raise ModelError(f"the schedule needs the covariates {missing}, which were not measured")
-        x = sum(t.weight * np.log(np.maximum(covariates[t.covariate], t.floor)) for t in self.terms)
-        return np.asarray(x, dtype=np.float64)
+    def __post_init__(self) -> None:
+        names = self.covariates
+        for name in names:
+            covariate(name)
+        unknown = {name for term in self.terms for name in term.covariates} - set(names)
+        if unknown or len(set(names)) != len(names) or not self.terms:
+            raise ModelError(
+                f"an index needs terms of its inputs {list(names)}, each once; not {sorted(unknown)}"
+            )
+        ranges = all(0 < i.low < i.high for i in self.inputs) and self.low < self.high
+        weights = np.array([self.offset, self.low, self.high, *(t.weight for t in self.terms)])
+        if not ranges or not np.isfinite(weights).all():
+            raise ModelError("an index needs finite weights and increasing, positive ranges")
 
-    def along(self, measurements: Measurements, normal: Array) -> Array:
-        """Coordinates x (N,) of the error along unit vectors ``normal`` (N, 2) in {i}.
+    @property
+    def name(self) -> str:
+        """Short name in results: ``"texture"`` for the paper's, ``"flow"`` for VOLDOR's, else ``"index"``."""
+        return self.covariates[0] if len(self.inputs) == 1 else "index"
 
-        A covariate along n is the quadratic form of its two eigen-components, as ``t_n = n^T S n``.
-        """
-        share = np.einsum("nij,ni->nj", measurements.R_i_e, normal) ** 2
-        needed = {term.covariate for term in self.terms} & set(measurements.covariates)
-        return self.of({name: (measurements.covariates[name] * share).sum(axis=1) for name in needed})
+    @property
+    def covariates(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+        return tuple(i.covariate for i in self.inputs)
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Signals that must be measured for this index."""
+        return tuple(sorted({s for name in self.covariates for s in covariate(name).signals}))
+
+    def of(self, m: Measurements) -> Array:
+        """Coordinates x (N, 2) of the eigen-components of measurements."""
+        return self.combine({name: of_components(name, m) for name in self.covariates})
+
+    def along(self, m: Measurements, normal: Array) -> Array:
+        """Coordinates x (N,) of the error along unit vectors ``normal`` (N, 2) in {i}."""
+        return self.combine({name: covariate(name).along(m, normal) for name in self.covariates})
+
+    def combine(self, values: Mapping[str, Array]) -> Array:
+        """Coordinates x (...) of covariates (...), by name."""
+        logs = {i.covariate: np.log(np.clip(values[i.covariate], i.low, i.high)) for i in self.inputs}
+        x = np.full(np.shape(next(iter(logs.values()))), self.offset)
+        for term in self.terms:
+            product = logs[term.covariates[0]]
+            for name in term.covariates[1:]:
+                product = product * logs[name]
+            x += term.weight * product
+        return x
 
 
 @dataclass(frozen=True)
 class Schedule:
     """Look-up table: parameters at knots of x, linear between, constant beyond the outer knots.
 
-    The family's own parameters are interpolated, as in the paper.
+    The family's own parameters are interpolated, as in the paper, or their links where the family says so.
 
     Attributes
     ----------
@@ -91,17 +148,18 @@ class Schedule:
 
     @property
     def name(self) -> str:
-        """``"constant"``, or the covariates of the index: ``"texture"`` is the paper's schedule."""
-        if not np.ptp(self.values, axis=1).any():
-            return "constant"
-        return "+".join(term.covariate for term in self.index.terms)
+        """``"constant"``, or the name of the index: ``"texture"`` is the paper's schedule."""
+        return self.index.name if np.ptp(self.values, axis=1).any() else "constant"
 
-    def theta(self, x: Array | float) -> Array:
-        """Parameters (P, ...) at coordinates x (...)."""
-        return np.stack([np.interp(x, self.knots, row) for row in self.values])
+    def theta(self, x: Array | float, family: ErrorFamily) -> Array:
+        """Parameters (P, ...) of a family at coordinates x (...)."""
+        if family.interpolation == "parameter":
+            return np.stack([np.interp(x, self.knots, row) for row in self.values])
+        free = family.to_free(self.values)
+        return family.to_theta(np.stack([np.interp(x, self.knots, row) for row in free]))
 
     def hats(self, x: Array) -> Array:
-        """Interpolation weights (M, X) of the knots at x (X,): ``theta(x) = values @ hats(x)``."""
+        """Interpolation weights (M, X) of the knots at x (X,)."""
         return np.stack([np.interp(x, self.knots, row) for row in np.eye(len(self.knots))])
 
     def outside(self, x: Array) -> float:
@@ -118,3 +176,20 @@ def check_values(family: ErrorFamily, schedule: Schedule) -> None:
     for parameter, row in zip(family.parameters, schedule.values):
         if not ((row > parameter.lower) & (row < parameter.upper)).all():
             raise ModelError(f"{parameter.name} leaves its bounds ({parameter.lower}, {parameter.upper})")
+
+
+def index_values(index: Index) -> dict[str, Any]:
+    """Plain JSON values of an index; an unlimited range has ``high`` null."""
+    values = asdict(index)
+    for row in values["inputs"]:
+        row["high"] = row["high"] if np.isfinite(row["high"]) else None
+    return values
+
+
+def index_of_values(values: dict[str, Any]) -> Index:
+    """Index of what `index_values` gave."""
+    inputs = tuple(
+        Input(v["covariate"], v["low"], np.inf if v["high"] is None else v["high"]) for v in values["inputs"]
+    )
+    terms = tuple(Term(tuple(v["covariates"]), v["weight"]) for v in values["terms"])
+    return Index(inputs, terms, values["offset"], values["low"], values["high"])

@@ -7,18 +7,18 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from flowlik.calibration import calibrate, merge_all, pair_errors, sketch_blocks, split_blocks
+from flowlik.calibration import Task, calibrate, merge_all, pair_errors, sketch_blocks, split_blocks
 from flowlik.calibration.run import calibration_pixels
 from flowlik.camera import Pinhole
 from flowlik.errors import CalibrationError
 from flowlik.families import FAMILIES
 from flowlik.flow import Farneback, LucasKanade, describe
 from flowlik.flow.base import DenseFlow
-from flowlik.schedule import Index
 from flowlik.simulation import SimulatedSequence, simulate
 from flowlik.texture import TextureDefinition, structure_tensor
 
 METHODS = (Farneback(), LucasKanade())
+TASKS = [Task(method) for method in METHODS]
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +81,7 @@ def test_errors_and_what_is_left_out_agree_with_numpy(sequence):
     S = structure_tensor(data.image(k))[kept]
     t, vectors = np.linalg.eigh(S[:, [[0, 1], [1, 2]]])
     t, vectors = t[:, ::-1], vectors[:, :, ::-1]
-    np.testing.assert_allclose(found.measurements.covariates["texture"], t, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(found.measurements.t, t, rtol=1e-6, atol=1e-6)
     error = (measured - truth)[kept]
     along, z = (np.einsum("nij,ni->nj", vectors, a) for a in (measured[kept], error))
     distinct = t[:, 0] > 1.05 * t[:, 1]
@@ -148,12 +148,12 @@ def reversed_map(function, *lists):
 
 def test_any_map_gives_the_same_counts(sequence):
     blocks = split_blocks(sequence, seed=3, frames=2)
-    serial = list(sketch_blocks(blocks, METHODS))
+    serial = list(sketch_blocks(blocks, TASKS))
     assert [[sketch.pairs for sketch in pair] for pair in serial] == [[2, 2], [2, 2], [1, 1]]
     assert pickle.loads(pickle.dumps(blocks[0])).first == 0
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        parallel = list(sketch_blocks(blocks, METHODS, map=pool.map))
-    backwards = list(sketch_blocks(blocks, METHODS, map=reversed_map))
+        parallel = list(sketch_blocks(blocks, TASKS, map=pool.map))
+    backwards = list(sketch_blocks(blocks, TASKS, map=reversed_map))
     # a pickled pose may differ in its last bit, and so may the reservoir's errors
     for other, tolerance_px in ((backwards, 0.0), (parallel, 1e-9)):
         for mine, theirs in zip(serial, other):
@@ -161,11 +161,11 @@ def test_any_map_gives_the_same_counts(sequence):
                 assert_equal(a, b, tolerance_px)
     for i in range(len(METHODS)):
         column = [pair[i] for pair in serial]
-        assert_equal(merge_all(column, Index()), merge_all(column[::-1], Index()))
+        assert_equal(merge_all(column), merge_all(column[::-1]))
 
 
 def assert_equal(a, b, tolerance_px=0.0):
-    for name in ("counts", "frames", "keys"):
+    for name in ("counts", "by_level", "errors", "frames", "keys"):
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
     np.testing.assert_allclose(a.rows, b.rows, rtol=0, atol=tolerance_px)
     assert (a.pairs, a.excluded) == (b.pairs, b.excluded)
@@ -173,13 +173,13 @@ def assert_equal(a, b, tolerance_px=0.0):
 
 def test_what_a_calibrated_model_tells_of_itself(sequence):
     method, texture = Farneback(), TextureDefinition(window=7)
-    sketches = [s[0] for s in sketch_blocks(split_blocks(sequence, 0, 2), (method,), texture=texture)]
+    sketches = [s[0] for s in sketch_blocks(split_blocks(sequence, 0, 2), [Task(method, texture=texture)])]
     model = calibrate(sketches, FAMILIES["gaussian"], method, texture, {"data": "planes", "seed": 0})
     assert (model.family.name, model.method, model.texture) == ("gaussian", describe(method), texture)
     record = model.provenance
     assert (record["data"], record["seed"], record["pairs"]) == ("planes", 0, 5)
     assert record["components"] == sum(s.total for s in sketches)
-    assert record["excluded"] == merge_all(sketches, Index()).excluded
+    assert record["excluded"] == merge_all(sketches).excluded
     assert record["components"] + 2 * sum(record["excluded"].values()) == 2 * 5 * 96 * 64
     assert set(record["versions"]) == {"python", "flowlik", "numpy", "scipy", "opencv-python-headless"}
     assert model.goodness["fit"]["gradient"] < 1e-4
@@ -188,5 +188,5 @@ def test_what_a_calibrated_model_tells_of_itself(sequence):
 def test_nothing_to_calibrate_from(sequence):
     with pytest.raises(CalibrationError, match="no image pairs"):
         calibrate([], FAMILIES["gaussian"], Farneback())
-    few = sketch_blocks(split_blocks(sequence, 0), (LucasKanade(),), map=lambda f, *lists: [])
+    few = sketch_blocks(split_blocks(sequence, 0), [Task(LucasKanade())], map=lambda f, *lists: [])
     assert list(few) == []

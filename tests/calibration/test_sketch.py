@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -6,7 +8,7 @@ from hypothesis import strategies as st
 from flowlik.calibration import ErrorSketch, merge_all
 from flowlik.calibration import sketch as bins
 from flowlik.errors import CalibrationError, DataError
-from flowlik.schedule import Index, Term
+from flowlik.schedule import TEXTURE_RANGE, Index, Input, Term
 from flowlik.tables import magnitude_nodes
 
 INDEX = Index()
@@ -24,14 +26,19 @@ def sketch(n: int, seed: int, excluded=None) -> ErrorSketch:
 
 
 def equal(a: ErrorSketch, b: ErrorSketch) -> bool:
-    arrays = all(np.array_equal(getattr(a, f), getattr(b, f)) for f in ("counts", "frames", "keys", "rows"))
-    return arrays and (a.index, a.pairs, a.excluded) == (b.index, b.pairs, b.excluded)
+    arrays = all(
+        np.array_equal(getattr(a, f), getattr(b, f))
+        for f in ("counts", "by_level", "errors", "frames", "keys", "rows")
+    )
+    fields = ("index", "pairs", "columns", "excluded")
+    return arrays and all(getattr(a, f) == getattr(b, f) for f in fields)
 
 
 def test_bins_are_as_fine_as_the_definitions_ask():
-    edges, nodes = bins.x_edges(), magnitude_nodes()
+    edges, nodes = bins.x_edges(INDEX), magnitude_nodes()
     assert (edges[0], edges[-1]) == pytest.approx((np.log(1e-2), np.log(1e5)))
-    assert len(edges) - 1 == 7 * 8 * bins.BINS_PER_LEVEL
+    assert len(edges) - 1 == 4 * bins.LEVELS
+    np.testing.assert_allclose(bins.level_edges(), np.geomspace(1e-2, 1e5, 7 * 8 + 1))
     assert nodes[0] <= 1e-4
     assert nodes[-1] >= 1e3
     assert (nodes[1:] / nodes[:-1]).max() < 10 ** (1 / 20)
@@ -44,11 +51,16 @@ def test_counts_agree_with_a_histogram():
     x = np.clip(np.log(covariates["texture"]), *np.log([1e-2, 9.999e4]))
     magnitude = np.clip(np.abs(z).astype(np.float32), nodes[0], nodes[-1])
     for side, chosen in enumerate((z * sign < 0, z * sign >= 0)):
-        expected, _, _ = np.histogram2d(x[chosen], magnitude[chosen], [bins.x_edges(), nodes])
+        expected, _, _ = np.histogram2d(x[chosen], magnitude[chosen], [bins.x_edges(INDEX), nodes])
         np.testing.assert_array_equal(found.counts[:, side], expected)
     assert found.total == 50_000
     np.testing.assert_array_equal(found.magnitude_counts, found.counts[:, 0] + found.counts[:, 1])
-    np.testing.assert_array_equal(found.frames, found.counts.any(axis=(1, 2)))
+    # four bins of x make a level
+    by_level = found.counts.reshape(bins.LEVELS, 4, 2, -1).sum(axis=1)
+    np.testing.assert_array_equal(found.errors, by_level)
+    np.testing.assert_array_equal(found.by_level.sum(axis=0), found.counts.sum(axis=(1, 2)))
+    np.testing.assert_array_equal(found.by_level.sum(axis=1), by_level.sum(axis=(1, 2)))
+    np.testing.assert_array_equal(found.frames, by_level.any(axis=(1, 2)))
 
 
 @pytest.mark.parametrize(
@@ -67,9 +79,11 @@ def test_flow_that_falls_short_is_negative(z, sign, side):
 def test_merging_is_associative_and_commutative(order, split):
     # five times 9 000 rows overflow the reservoir of 20 000
     parts = [sketch(9_000, seed, {"no flow": seed, f"reason {seed % 2}": 1}) for seed in range(5)]
-    expected = merge_all(parts, INDEX)
+    expected = merge_all(parts)
     shuffled = [parts[i] for i in order]
-    found = merge_all(shuffled[:split], INDEX).merge(merge_all(shuffled[split:], INDEX))
+    found = merge_all(shuffled[: split + 1])
+    for part in [merge_all(shuffled[split + 1 :])] if split < 4 else []:
+        found = found.merge(part)
     assert equal(found, expected)
     assert found.pairs == 5
     assert found.excluded == {"no flow": 10, "reason 0": 3, "reason 1": 2}
@@ -86,13 +100,18 @@ def test_the_reservoir_is_a_fair_bounded_choice_of_rows():
     assert of_first == pytest.approx(1 / 3, abs=0.015)
 
 
-def test_the_reservoir_keeps_every_covariate_of_the_index():
-    index = Index((Term("texture", 1e-2), Term("discrepancy", 1e-3)))
-    covariates = {
-        "texture": np.arange(1.0, 7).reshape(3, 2),
-        "discrepancy": np.arange(6.0).reshape(3, 2),
-        "other": 0,
-    }
+TWO = Index(
+    (Input("texture", 1e-2, 1e4), Input("discrepancy", 1e-3, 1e2)),
+    (Term(("texture",), -0.5), Term(("discrepancy",), 0.3), Term(("texture", "discrepancy"), 0.02)),
+    offset=0.7,
+    low=-9.0,
+    high=7.0,
+)
+
+
+def test_the_reservoir_keeps_every_covariate_it_is_given():
+    index = TWO
+    covariates = {"texture": np.arange(1.0, 7).reshape(3, 2), "discrepancy": np.arange(6.0).reshape(3, 2)}
     z = 10 * np.arange(6.0).reshape(3, 2)
     found = ErrorSketch.of(index, covariates, z, np.ones((3, 2)), np.random.default_rng(0))
     rows = found.rows[np.argsort(found.rows[:, 0])]
@@ -103,7 +122,7 @@ def test_the_reservoir_keeps_every_covariate_of_the_index():
 
 def test_sketches_over_different_indices_do_not_merge():
     with pytest.raises(CalibrationError, match="different indices"):
-        sketch(10, 0).merge(ErrorSketch.empty(Index((Term("texture", 1.0),))))
+        sketch(10, 0).merge(ErrorSketch.empty(TWO))
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
@@ -160,8 +179,33 @@ def test_files_that_are_no_sketch_are_data_errors(tmp_path):
 
 def test_a_sketch_of_other_bins_is_a_data_error(tmp_path):
     before = sketch(100, 0)
-    ErrorSketch(before.index, before.counts[:-1], before.frames, 1, before.keys, before.rows).save(
-        tmp_path / "s"
-    )
+    replace(before, counts=before.counts[:-1]).save(tmp_path / "s")
     with pytest.raises(DataError, match="other bins"):
         ErrorSketch.load(tmp_path / "s")
+
+
+def test_a_learned_index_is_counted_over_its_own_range_and_over_texture():
+    rng = np.random.default_rng(3)
+    n = 40_000
+    covariates = {"texture": 10 ** rng.uniform(-3, 6, n), "discrepancy": 10 ** rng.uniform(-4, 3, n)}
+    covariates["discrepancy"][:100] = np.inf
+    z = 10 ** rng.uniform(-4, 2, n) * rng.choice([-1, 1], n)
+    found = ErrorSketch.of(TWO, covariates, z, np.ones(n), rng)
+    x = np.clip(TWO.combine(covariates), TWO.low, TWO.high - 1e-9)
+    level = np.clip((np.log(covariates["texture"]) - TEXTURE_RANGE[0]) / np.log(10) * 8, 0, bins.LEVELS - 1)
+    expected, _, _ = np.histogram2d(level, x, [np.arange(bins.LEVELS + 1), bins.x_edges(TWO)])
+    np.testing.assert_array_equal(found.by_level, expected)
+    np.testing.assert_array_equal(found.errors.sum(axis=(0, 1)), found.magnitude_counts.sum(axis=0))
+    assert found.columns == ("texture", "discrepancy")
+
+
+def test_a_sketch_over_another_index_is_that_of_its_reservoir():
+    rng = np.random.default_rng(4)
+    n = 5_000
+    covariates = {"texture": 10 ** rng.uniform(-2, 5, n), "discrepancy": 10 ** rng.uniform(-3, 2, n)}
+    z, sign = rng.normal(size=n), rng.choice([-1.0, 1.0], n)
+    found = ErrorSketch.of(INDEX, covariates, z, sign, rng, {"no truth": 2}).over(TWO)
+    direct = ErrorSketch.of(TWO, covariates, z, sign, rng, {"no truth": 2})
+    for name in ("counts", "by_level", "errors", "frames"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(direct, name))
+    assert (found.index, found.pairs, found.excluded) == (TWO, 1, {"no truth": 2})

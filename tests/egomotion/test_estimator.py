@@ -214,7 +214,7 @@ def test_a_pure_rotation_has_no_epipolar_direction(estimator):
 def still(scene):
     m = scene.measurements
     flow = np.random.default_rng(0).normal(0, 0.03, m.flow.shape)
-    return Measurements(m.pixels, flow, m.R_i_e, m.covariates, m.texture, m.method)
+    return Measurements(m.pixels, flow, m.R_i_e, m.t, m.texture, m.method)
 
 
 @every_estimator
@@ -239,7 +239,7 @@ def test_a_standstill_has_no_epipolar_direction(estimator):
 @both_residuals
 def test_the_texture_gate_drops_components(make, kind):
     scene = scene_of(11, n=800, likelihood=MODEL)
-    texture = scene.measurements.covariates["texture"]
+    texture = scene.measurements.t
     result = make(50.0).estimate(getattr(scene, kind))
     assert result.excluded["texture gate"] == (texture < 50).sum()
     expected = (texture >= 50).sum() if kind == "known_depth" else (texture >= 50).any(axis=1).sum()
@@ -252,10 +252,8 @@ def test_the_texture_gate_drops_components(make, kind):
 def test_gated_components_do_not_matter():
     scene = scene_of(12, n=400, likelihood=MODEL)
     m = scene.measurements
-    z = m.errors(np.zeros_like(m.flow)) + np.where(m.covariates["texture"] < 50, 30.0, 0.0)
-    wrong = Measurements(
-        m.pixels, np.einsum("nij,nj->ni", m.R_i_e, z), m.R_i_e, m.covariates, m.texture, m.method
-    )
+    z = m.errors(np.zeros_like(m.flow)) + np.where(m.t < 50, 30.0, 0.0)
+    wrong = Measurements(m.pixels, np.einsum("nij,nj->ni", m.R_i_e, z), m.R_i_e, m.t, m.texture, m.method)
     estimator = mle(MODEL, gate=50.0)
     first = estimator.estimate(scene.known_depth)
     second = estimator.estimate(KnownDepth.of(wrong, CAMERA, scene.depth))
@@ -269,7 +267,7 @@ def test_gated_components_do_not_matter():
 
 def test_the_share_outside_the_models_range_is_told():
     scene = scene_of(13, n=400)
-    texture = scene.measurements.covariates["texture"]
+    texture = scene.measurements.t
     result = lcmsac(MODEL).estimate(scene.known_depth)
     knots = np.exp(MODEL.schedule.knots)
     assert result.outside == np.mean((texture < knots[0]) | (texture > knots[-1]))

@@ -43,7 +43,7 @@ def test_errors_of_known_depth_agree_with_the_theory(scene, near):
     by_flow = -np.einsum("nij,nik->njk", m.R_i_e, motion.h_jacobian(T, CAMERA, m.pixels, rho))
     np.testing.assert_allclose(J, by_flow.reshape(-1, 6), rtol=1e-9, atol=1e-9)
     x = scene.known_depth.coordinates(matrix, INDEX)
-    np.testing.assert_allclose(x, np.log(m.covariates["texture"]).ravel(), rtol=1e-12)
+    np.testing.assert_allclose(x, np.log(m.t).ravel(), rtol=1e-12)
     numeric = finite_difference(lambda xi: moved(scene.known_depth, T, xi), np.zeros(6), 1e-6)
     np.testing.assert_allclose(J, numeric, rtol=1e-5, atol=1e-5)
 
@@ -86,7 +86,7 @@ def hypotheses(scene):
 
 @pytest.fixture
 def kept(scene):
-    return scene.measurements.covariates["texture"] > 2.0
+    return scene.measurements.t > 2.0
 
 
 def test_scores_of_known_depth_count_inliers(scene, hypotheses, kept):
@@ -94,7 +94,7 @@ def test_scores_of_known_depth_count_inliers(scene, hypotheses, kept):
     matrices = np.array([T.as_matrix()[:3] for T in hypotheses])
     m, rho = scene.measurements, rho_of(scene)
     z = np.array([m.errors(motion.h(T, CAMERA, m.pixels, rho)) for T in hypotheses])
-    x = np.log(m.covariates["texture"])
+    x = np.log(m.t)
 
     bounds = residual.bounds(lambda x: MODEL.bound(x, 0.9), INDEX, kept)
     inliers = (np.abs(z) <= MODEL.bound(x, 0.9)) & kept

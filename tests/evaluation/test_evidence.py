@@ -29,7 +29,7 @@ def blocks():
 
 @pytest.fixture(scope="module")
 def sketch(blocks):
-    return evidence.merge_all(blocks, Index())
+    return evidence.merge_all(blocks)
 
 
 def records_of(blocks, least_components=1000, least_frames=2, **keys):

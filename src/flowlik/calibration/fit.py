@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.optimize import minimize
 
-from flowlik.calibration.sketch import ErrorSketch, bin_centres, magnitude_centres, x_edges
+from flowlik.calibration.sketch import ErrorSketch, bin_centres, magnitude_centres, merge_all, x_edges
 from flowlik.camera import Array
 from flowlik.errors import CalibrationError
 from flowlik.families import ErrorFamily
 from flowlik.schedule import Schedule
 
 SMOOTHING_NAT = 1e-5
+SMOOTHINGS_NAT = (1e-6, 1e-5, 1e-4, 1e-3)
 LEAST_COMPONENTS = 1000
+LEAST_AT_KNOT = 200
 OUTER_QUANTILE = 5e-4
+COARSER = 4
 
 
 def place_knots(sketch: ErrorSketch, knots: int = 16) -> Array:
     """Knots (M,) of x, evenly spaced over all but the outermost 0.05 % of the sketch on either side.
+
+    Knots with fewer than 200 components between their neighbours are left out.
 
     Raises
     ------
@@ -26,17 +33,25 @@ def place_knots(sketch: ErrorSketch, knots: int = 16) -> Array:
     """
     if sketch.total < LEAST_COMPONENTS:
         raise CalibrationError(f"{sketch.total} error components are too few to calibrate (1000 at least)")
-    cumulated = np.cumsum(sketch.counts.sum(axis=(1, 2))) / sketch.total
-    edges = x_edges()
+    per_bin = sketch.counts.sum(axis=(1, 2))
+    cumulated = np.cumsum(per_bin) / sketch.total
+    edges = x_edges(sketch.index)
     low = edges[np.searchsorted(cumulated, OUTER_QUANTILE)]
     high = edges[np.searchsorted(cumulated, 1 - OUTER_QUANTILE) + 1]
     if high - low < 2 * (edges[1] - edges[0]):
-        raise CalibrationError("all components have one texture: nothing to schedule over")
-    return np.linspace(low, high, knots)
+        raise CalibrationError(f"all components have one {sketch.index.name}: nothing to schedule over")
+    even = np.linspace(low, high, knots)
+    below = np.interp(even, edges, np.concatenate([[0], np.cumsum(per_bin)]))
+    supported = np.concatenate([[True], below[2:] - below[:-2] >= LEAST_AT_KNOT, [True]])
+    return even[supported]
 
 
 def fit(
-    sketch: ErrorSketch, family: ErrorFamily, knots: Array | None = None, smoothing: float = SMOOTHING_NAT
+    sketch: ErrorSketch,
+    family: ErrorFamily,
+    knots: Array | None = None,
+    smoothing: float = SMOOTHING_NAT,
+    start: Array | None = None,
 ) -> tuple[Schedule, dict[str, float]]:
     """Fit a family's table to a sketch by L-BFGS with analytic gradients.
 
@@ -51,13 +66,16 @@ def fit(
     smoothing : float
         Weight [nat a component] of the squared second differences of the free parameters between knots:
         just enough that knots with little data do not swap the roles of a mixture's components.
+    start : array (P, M), optional
+        Parameters to begin from; by default each knot's own data decide, by expectation maximisation where
+        the family is a mixture.
 
     Returns
     -------
     schedule : Schedule
         The fitted table.
     convergence : dict
-        ``nll`` [nat a component], ``iterations`` and ``gradient`` (largest component at the end).
+        ``nll`` [nat a component], ``iterations``, ``gradient`` (largest component at the end), ``smoothing``.
 
     Raises
     ------
@@ -65,41 +83,135 @@ def fit(
         If there is too little data, or the optimiser ends without a finite table.
     """
     knots = place_knots(sketch) if knots is None else knots
-    centres = bin_centres()
+    x, magnitude, share = _cells(sketch)
+    if start is None:
+        hats = _hats(knots, x)
+        begun = np.stack([_start(family, share, row, magnitude) for row in hats], axis=1)
+        # most of the way on a grid of a sixteenth of the cells
+        coarse = _coarser(x, magnitude, share)
+        free, _, _ = _minimise(family, knots, *coarse, smoothing, family.to_free(begun))
+    else:
+        free = family.to_free(start)
+    free, iterations, gradient = _minimise(family, knots, x, magnitude, share, smoothing, free)
+    values = family.to_theta(free)
+    if not np.isfinite(values).all():
+        raise CalibrationError(f"the fit of {family.name} did not end at a finite table")
+    schedule = Schedule(sketch.index, knots, values)
+    theta = schedule.theta(x, family)[:, :, None]
+    nll = float(-np.sum(share * family.logpdf(magnitude, theta)))
+    convergence = {"nll": nll, "iterations": float(iterations), "gradient": gradient, "smoothing": smoothing}
+    return schedule, convergence
+
+
+def choose_smoothing(blocks: Sequence[ErrorSketch], family: ErrorFamily, knots: Array | None = None) -> float:
+    """Smoothness prior [nat] of best held-out score: fitted to one half of the blocks, scored on the other.
+
+    Parameters
+    ----------
+    blocks : sequence of ErrorSketch
+        Sketches of runs of frames; every second one is held out in turn. A single block gives the default.
+    family : ErrorFamily
+        Density.
+    knots : array (M,), optional
+        Knots of x; by default `place_knots` of all blocks.
+    """
+    filled = [block for block in blocks if block.total]
+    if len(filled) < 2:
+        return SMOOTHING_NAT
+    halves = [merge_all(filled[i::2]) for i in (0, 1)]
+    knots = place_knots(merge_all(halves)) if knots is None else knots
+    scores = []
+    for smoothing in SMOOTHINGS_NAT:
+        score = 0.0
+        for mine, other in (halves, halves[::-1]):
+            schedule, _ = fit(mine, family, knots, smoothing)
+            x, magnitude, share = _cells(other)
+            score -= np.sum(share * family.logpdf(magnitude, schedule.theta(x, family)[:, :, None]))
+        scores.append(score)
+    return SMOOTHINGS_NAT[int(np.argmin(scores))]
+
+
+def bootstrap(
+    blocks: Sequence[ErrorSketch],
+    family: ErrorFamily,
+    schedule: Schedule,
+    rng: np.random.Generator,
+    replicates: int = 40,
+    smoothing: float = SMOOTHING_NAT,
+) -> Array:
+    """Tables (B, P, M) fitted to blocks drawn with replacement, each begun from the table itself."""
+    filled = [block for block in blocks if block.total]
+    tables = []
+    for _ in range(replicates):
+        drawn = merge_all([filled[i] for i in rng.integers(len(filled), size=len(filled))])
+        tables.append(fit(drawn, family, schedule.knots, smoothing, schedule.values)[0].values)
+    return np.stack(tables)
+
+
+def _cells(sketch: ErrorSketch) -> tuple[Array, Array, Array]:
+    """Centres of the filled bins of x (X,) and of abs(z) (Z,), and each cell's share (X, Z)."""
     counts = sketch.magnitude_counts
-    filled = counts.sum(axis=1) > 0
-    share = counts[filled] / sketch.total
-    hats = Schedule(sketch.index, knots, np.zeros((1, len(knots)))).hats(centres[filled])
-    magnitude = magnitude_centres()
-    shape = (len(family.parameters), len(knots))
+    rows, columns = counts.any(axis=1), counts.any(axis=0)
+    share = counts[rows][:, columns] / sketch.total
+    return bin_centres(sketch.index)[rows], magnitude_centres()[columns], share
+
+
+def _coarser(x: Array, magnitude: Array, share: Array) -> tuple[Array, Array, Array]:
+    rows, columns = np.arange(0, len(x), COARSER), np.arange(0, len(magnitude), COARSER)
+    share = np.add.reduceat(np.add.reduceat(share, rows, axis=0), columns, axis=1)
+    sizes = [np.diff(np.append(a, n)) for a, n in ((rows, len(x)), (columns, len(magnitude)))]
+    return (
+        np.add.reduceat(x, rows) / sizes[0],
+        np.exp(np.add.reduceat(np.log(magnitude), columns) / sizes[1]),
+        share,
+    )
+
+
+def _hats(knots: Array, x: Array) -> Array:
+    """Interpolation weights (M, X) of the knots at x."""
+    return np.stack([np.interp(x, knots, row) for row in np.eye(len(knots))])
+
+
+def _minimise(
+    family: ErrorFamily,
+    knots: Array,
+    x: Array,
+    magnitude: Array,
+    share: Array,
+    smoothing: float,
+    start: Array,
+) -> tuple[Array, int, float]:
+    """Free parameters (P, M) of least cost, iterations, and the largest component of the gradient."""
+    hats, linked = _hats(knots, x), family.interpolation == "link"
 
     def objective(flat: Array) -> tuple[float, Array]:
-        free = flat.reshape(shape)
-        theta = (family.to_theta(free) @ hats)[:, :, None]
-        nll = -np.sum(share * family.logpdf(magnitude, theta))
-        by_theta = -np.einsum("xz,pxz->px", share, family.gradient(magnitude, theta)[1])
-        gradient = by_theta @ hats.T * family.link_derivative(free)
-        bend = np.diff(free, n=2, axis=1)
-        by_bend = np.zeros(shape)
-        by_bend[:, :-2] += bend
-        by_bend[:, 1:-1] -= 2 * bend
-        by_bend[:, 2:] += bend
-        return nll + smoothing * np.sum(bend**2), (gradient + 2 * smoothing * by_bend).ravel()
+        free = flat.reshape(start.shape)
+        between = free @ hats if linked else family.to_theta(free) @ hats
+        theta = family.to_theta(between) if linked else between
+        log_prob, by_theta = family.logpdf_and_gradient(magnitude, theta[:, :, None])
+        slope = -np.einsum("xz,pxz->px", share, by_theta)
+        if linked:
+            gradient = (slope * family.link_derivative(between)) @ hats.T
+        else:
+            gradient = slope @ hats.T * family.link_derivative(free)
+        cost, by_free = bend(free, smoothing)
+        return float(cost - np.sum(share * log_prob)), (gradient + by_free).ravel()
 
-    start = family.to_free(np.stack([_start(family, share, row, magnitude) for row in hats], axis=1))
     result = minimize(
         objective, start.ravel(), jac=True, method="L-BFGS-B", bounds=[(-30, 30)] * start.size,
         options={"maxiter": 2000, "maxfun": 4000, "ftol": 1e-12, "gtol": 1e-7, "maxcor": 20},
     )  # fmt: skip
-    values = family.to_theta(result.x.reshape(shape))
-    if not np.isfinite(values).all():
-        raise CalibrationError(f"the fit of {family.name} did not end at a finite table: {result.message}")
-    convergence = {
-        "nll": float(-np.sum(share * family.logpdf(magnitude, (values @ hats)[:, :, None]))),
-        "iterations": float(result.nit),
-        "gradient": float(np.abs(result.jac).max()),
-    }
-    return Schedule(sketch.index, knots, values), convergence
+    return result.x.reshape(start.shape), int(result.nit), float(np.abs(result.jac).max())
+
+
+def bend(free: Array, smoothing: float) -> tuple[float, Array]:
+    """Smoothness prior of free parameters (P, M), weighted squared second differences, and its gradient."""
+    second = np.diff(free, n=2, axis=1)
+    by_free = np.zeros_like(free)
+    by_free[:, :-2] += second
+    by_free[:, 1:-1] -= 2 * second
+    by_free[:, 2:] += second
+    return smoothing * float(np.sum(second**2)), 2 * smoothing * by_free
 
 
 def _start(family: ErrorFamily, share: Array, hat: Array, magnitude: Array) -> Array:

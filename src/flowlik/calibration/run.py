@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from flowlik.calibration.fit import fit
+from flowlik.calibration.fit import choose_smoothing, fit
 from flowlik.calibration.sketch import ErrorSketch, merge_all
 from flowlik.camera import Array
+from flowlik.covariates import covariate, of_components
 from flowlik.datasets.base import Sequence
 from flowlik.errors import CalibrationError
 from flowlik.families import ErrorFamily
@@ -25,16 +26,50 @@ from flowlik.schedule import Index
 from flowlik.texture import TextureDefinition
 
 GRID_PIXELS = 5000
+BOOTSTRAP_BLOCKS = 40
 
 
 @dataclass(frozen=True)
 class Block:
-    """A run of frames of one sequence: the unit of parallel work and of the bootstrap."""
+    """A run of frames of one sequence: the unit of parallel work."""
 
     sequence: Sequence
     first: int
     last: int
     seed: int
+
+
+@dataclass(frozen=True)
+class Task:
+    """What to sketch of every image pair: one sketch for each index of a method's errors.
+
+    Attributes
+    ----------
+    method : FlowMethod
+        Flow.
+    indices : tuple of Index
+        One sketch each, all of the same measurements.
+    keep : tuple of str
+        Covariates that the reservoirs keep besides those of the indices, from which an index can be learned.
+    texture : TextureDefinition
+        Definition of texture.
+    """
+
+    method: FlowMethod
+    indices: tuple[Index, ...] = (Index(),)
+    keep: tuple[str, ...] = ()
+    texture: TextureDefinition = TextureDefinition()  # noqa: RUF009
+
+    @property
+    def covariates(self) -> tuple[str, ...]:
+        """Every covariate that is measured, texture first."""
+        needed = dict.fromkeys(name for index in self.indices for name in index.covariates)
+        return tuple(dict.fromkeys(["texture", *needed, *self.keep]))
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Every signal that must be measured."""
+        return tuple(sorted({s for name in self.covariates for s in covariate(name).signals}))
 
 
 @dataclass(frozen=True)
@@ -69,6 +104,7 @@ def pair_errors(
     method: FlowMethod,
     texture: TextureDefinition | None = None,
     pixels: Array | None = None,
+    signals: Iterable[str] = (),
 ) -> PairErrors:
     """Errors of the flow from frame k to k + 1 against the sequence's truth.
 
@@ -86,12 +122,17 @@ def pair_errors(
         Definition of texture.
     pixels : array (N, 2), optional
         Whole pixels to measure at; by default where the method chooses.
+    signals : iterable of str
+        Signals to measure besides.
     """
-    m = measure(sequence.image(k), sequence.image(k + 1), method, texture, pixels)
+    m = measure(sequence.image(k), sequence.image(k + 1), method, texture, pixels, signals)
     column, row = np.rint(m.pixels).astype(int).T
     truth = sequence.flow(k)[row, column]
     known = np.isfinite(truth).all(axis=1)
-    stays = sequence.camera.contains(m.pixels + truth)
+    height, width = sequence.image(k).shape
+    end = m.pixels + truth
+    with np.errstate(invalid="ignore"):
+        stays = ((end >= 0) & (end <= [width - 1, height - 1])).all(axis=1)
     kept = known & stays
     excluded = {
         "no flow": m.lost,
@@ -103,38 +144,75 @@ def pair_errors(
     return PairErrors(m, m.errors(truth[kept]), np.where(along < 0, -1.0, 1.0), excluded)
 
 
-def sketch_block(
-    block: Block, methods: Seq[FlowMethod], index: Index, texture: TextureDefinition
-) -> list[ErrorSketch]:
-    """One sketch a flow method of a block of frames."""
-    sketches = [ErrorSketch.empty(index) for _ in methods]
+def sketch_block(block: Block, tasks: Seq[Task]) -> list[ErrorSketch]:
+    """Sketches of a block of frames: for each task, one an index."""
+    sketches = [ErrorSketch.empty(index, task.covariates) for task in tasks for index in task.indices]
     for k in range(block.first, block.last):
-        rng = np.random.default_rng([block.seed, k])
-        previous = block.sequence.image(k)
-        for i, method in enumerate(methods):
-            e = pair_errors(block.sequence, k, method, texture, calibration_pixels(previous, method, rng))
-            pair = ErrorSketch.of(index, e.measurements.covariates, e.z, e.sign, rng, e.excluded)
-            sketches[i] = sketches[i].merge(pair)
+        found = [
+            sketch
+            for i, task in enumerate(tasks)
+            for sketch in _sketch_pair(block.sequence, k, task, np.random.default_rng([block.seed, k, i]))
+        ]
+        sketches = [sketch.merge(pair) for sketch, pair in zip(sketches, found)]
     return sketches
+
+
+def _sketch_pair(sequence: Sequence, k: int, task: Task, rng: np.random.Generator) -> list[ErrorSketch]:
+    pixels = calibration_pixels(sequence.image(k), task.method, rng)
+    e = pair_errors(sequence, k, task.method, task.texture, pixels, task.signals)
+    values = {name: of_components(name, e.measurements) for name in task.covariates}
+    seed = rng.integers(2**32)
+    return [
+        ErrorSketch.of(index, values, e.z, e.sign, np.random.default_rng(seed), e.excluded)
+        for index in task.indices
+    ]
 
 
 def sketch_blocks(
     blocks: Seq[Block],
-    methods: Seq[FlowMethod],
-    index: Index | None = None,
-    texture: TextureDefinition | None = None,
+    tasks: Seq[Task],
     map: Callable[..., Iterable[list[ErrorSketch]]] = map,
 ) -> Iterator[list[ErrorSketch]]:
-    """Sketches of blocks through any `map`: serial, or that of a process pool.
+    """Sketches of blocks through any `map`: serial, that of a process pool, or a cluster's.
 
     Yields
     ------
     list of ErrorSketch
-        For each block, one a method.
+        For each block, what `sketch_block` gives.
     """
-    n = len(blocks)
-    index, texture = index or Index(), texture or TextureDefinition()
-    yield from map(sketch_block, blocks, [tuple(methods)] * n, [index] * n, [texture] * n)
+    yield from map(sketch_block, blocks, [tuple(tasks)] * len(blocks))
+
+
+def gather(sketches: Iterable[list[ErrorSketch]], total: int) -> list[list[ErrorSketch]]:
+    """Merge neighbouring blocks' sketches until at most 40 are left of each kind, for the bootstrap.
+
+    Memory thus does not grow with the number of frames.
+
+    Parameters
+    ----------
+    sketches : iterable of list of ErrorSketch
+        From `sketch_blocks`.
+    total : int
+        How many blocks there are.
+
+    Returns
+    -------
+    list of list of ErrorSketch
+        For each kind (task and index), its blocks in order.
+    """
+    kinds: list[list[ErrorSketch]] = []
+    group_of_last = -1
+    for i, found in enumerate(sketches):
+        group = i * min(BOOTSTRAP_BLOCKS, total) // total
+        if not kinds:
+            kinds = [[] for _ in found]
+        for kind, sketch in zip(kinds, found):
+            if group == group_of_last:
+                kind[-1] = kind[-1].merge(sketch)
+            else:
+                kind.append(sketch)
+        group_of_last = group
+    return kinds
 
 
 def calibrate(
@@ -143,13 +221,15 @@ def calibrate(
     method: FlowMethod,
     texture: TextureDefinition | None = None,
     provenance: dict[str, Any] | None = None,
+    knots: Array | None = None,
+    smoothing: float | None = None,
 ) -> FlowLikelihood:
     """Likelihood of a flow method from the sketches of its errors.
 
     Parameters
     ----------
     sketches : sequence of ErrorSketch
-        From `sketch_blocks`.
+        Of blocks of frames.
     family : ErrorFamily
         Density.
     method : FlowMethod
@@ -158,6 +238,10 @@ def calibrate(
         What the sketches' texture means.
     provenance : dict, optional
         Data, seeds and whatever else the model file should tell.
+    knots : array (M,), optional
+        Knots of x; by default placed by the data.
+    smoothing : float, optional
+        Smoothness prior [nat]; by default chosen by held-out score between blocks.
 
     Raises
     ------
@@ -166,16 +250,23 @@ def calibrate(
     """
     if not sketches:
         raise CalibrationError("nothing to calibrate from: no image pairs")
-    merged = merge_all(sketches, sketches[0].index)
-    schedule, convergence = fit(merged, family)
-    versions = {name: version(name) for name in ("flowlik", "numpy", "scipy", "opencv-python-headless")}
+    merged = merge_all(sketches)
+    if smoothing is None:
+        smoothing = choose_smoothing(sketches, family, knots)
+    schedule, convergence = fit(merged, family, knots, smoothing)
     record = {
         **(provenance or {}),
         "components": merged.total,
         "pairs": merged.pairs,
         "excluded": merged.excluded,
-        "versions": {"python": platform.python_version(), **versions},
+        "versions": package_versions(),
     }
     return FlowLikelihood(
         family, schedule, texture or TextureDefinition(), describe(method), record, {"fit": convergence}
     )
+
+
+def package_versions() -> dict[str, str]:
+    """Versions of what a calibration depends on."""
+    names = ("flowlik", "numpy", "scipy", "opencv-python-headless")
+    return {"python": platform.python_version(), **{name: version(name) for name in names}}

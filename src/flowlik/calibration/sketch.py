@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import io
-import json
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from functools import reduce
 from pathlib import Path
 
@@ -14,27 +12,32 @@ from numba import njit
 from numpy.typing import NDArray
 
 from flowlik.camera import Array
-from flowlik.errors import CalibrationError, DataError
-from flowlik.files import atomic_write
-from flowlik.schedule import Index, Term
+from flowlik.errors import CalibrationError
+from flowlik.schedule import TEXTURE_RANGE, Index
 from flowlik.tables import Z_NODES, magnitude_nodes, magnitude_position
 
-BINS_PER_LEVEL = 4
-LEVELS_PER_DECADE = 8
-FIRST_DECADE, LAST_DECADE = -2, 5
-X_BINS = (LAST_DECADE - FIRST_DECADE) * LEVELS_PER_DECADE * BINS_PER_LEVEL
+X_BINS = 224
+LEVELS = 56
+"""Texture levels of K-S: 8 a decade, 1e-2 to 1e5."""
+
 Z_BINS = Z_NODES - 1
 RESERVOIR_ROWS = 20_000
 
 
-def x_edges() -> Array:
-    """Edges (X + 1,) of the bins of x: 32 a decade of exp(x), from 1e-2 to 1e5."""
-    return np.log(10) * np.linspace(FIRST_DECADE, LAST_DECADE, X_BINS + 1)
+def x_edges(index: Index) -> Array:
+    """Edges (X + 1,) of the bins of x; for the paper's index 32 a decade of texture."""
+    return np.linspace(index.low, index.high, X_BINS + 1)
 
 
-def bin_centres() -> Array:
+def bin_centres(index: Index) -> Array:
     """Centres (X,) of the bins of x."""
-    return 0.5 * (x_edges()[1:] + x_edges()[:-1])
+    edges = x_edges(index)
+    return 0.5 * (edges[1:] + edges[:-1])
+
+
+def level_edges() -> Array:
+    """Edges (L + 1,) of the texture levels [intensity^2/px^2]."""
+    return np.exp(np.linspace(*TEXTURE_RANGE, LEVELS + 1))
 
 
 def magnitude_centres() -> Array:
@@ -45,16 +48,20 @@ def magnitude_centres() -> Array:
 
 
 @njit(cache=True)
-def _count(x, z, sign, first, inverse_step, counts):  # type: ignore[no-untyped-def]
+def _count(x, ln_t, z, sign, x_first, x_scale, t_first, t_scale, counts, by_level, errors):  # type: ignore[no-untyped-def]
     for i in range(len(z)):
-        row = min(max(int((x[i] - first) * inverse_step), 0), counts.shape[0] - 1)
+        row = min(max(int((x[i] - x_first) * x_scale), 0), counts.shape[0] - 1)
+        level = min(max(int((ln_t[i] - t_first) * t_scale), 0), by_level.shape[0] - 1)
         column, _ = magnitude_position(abs(z[i]))
-        counts[row, 0 if z[i] * sign[i] < 0 else 1, column] += 1
+        side = 0 if z[i] * sign[i] < 0 else 1
+        counts[row, side, column] += 1
+        by_level[level, row] += 1
+        errors[level, side, column] += 1
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorSketch:
-    """Counts of signed errors over the schedule's coordinate, and a reservoir of raw rows.
+    """Counts of signed errors over the schedule's coordinate and over texture, and a reservoir of raw rows.
 
     Merging is associative and commutative and counts are integers, so any order gives the same sketch.
 
@@ -65,38 +72,48 @@ class ErrorSketch:
     counts : int64 array (X, 2, Z)
         Components by bin of x, sign of ``s z`` (0: negative, the flow falls short) and bin of abs(z).
         Values beyond the outer bins are counted in them.
-    frames : int64 array (X,)
-        Image pairs that have a component in each bin of x.
+    by_level : int64 array (L, X)
+        Components by texture level and bin of x: what a model predicts at a level.
+    errors : int64 array (L, 2, Z)
+        Components by texture level, sign and bin of abs(z): what was found there.
+    frames : int64 array (L,)
+        Image pairs that have a component at each level.
     pairs : int
         Image pairs.
+    columns : tuple of str
+        Covariates in the rows.
     keys : array (K,)
         Random key of each reservoir row; a merge keeps the rows of smallest keys.
     rows : array (K, C + 1)
-        Covariates of the index's terms and ``s z`` [px] of a random choice of components.
+        Covariates and ``s z`` [px] of a random choice of components.
     excluded : dict
         Counts of pixels left out, by reason.
     """
 
     index: Index
     counts: NDArray[np.int64]
+    by_level: NDArray[np.int64]
+    errors: NDArray[np.int64]
     frames: NDArray[np.int64]
     pairs: int
+    columns: tuple[str, ...]
     keys: Array
     rows: Array
     excluded: dict[str, int] = field(default_factory=dict)
 
     @classmethod
-    def empty(cls, index: Index) -> ErrorSketch:
-        """Sketch of nothing."""
-        counts = np.zeros((X_BINS, 2, Z_BINS), np.int64)
-        rows = np.empty((0, len(index.terms) + 1))
-        return cls(index, counts, np.zeros(X_BINS, np.int64), 0, np.empty(0), rows)
+    def empty(cls, index: Index, columns: tuple[str, ...] = ("texture",)) -> ErrorSketch:
+        """Sketch of nothing, whose rows have the given covariates."""
+        shapes = ((X_BINS, 2, Z_BINS), (LEVELS, X_BINS), (LEVELS, 2, Z_BINS), (LEVELS,))
+        counts, by_level, errors, frames = (np.zeros(shape, np.int64) for shape in shapes)
+        rows = np.empty((0, len(columns) + 1))
+        return cls(index, counts, by_level, errors, frames, 0, columns, np.empty(0), rows)
 
     @classmethod
     def of(
         cls,
         index: Index,
-        covariates: dict[str, Array],
+        covariates: Mapping[str, Array],
         z: Array,
         sign: Array,
         rng: np.random.Generator,
@@ -108,8 +125,8 @@ class ErrorSketch:
         ----------
         index : Index
             Schedule coordinate.
-        covariates : dict of str to array (...)
-            Covariates of each component.
+        covariates : mapping of str to array (...)
+            Covariates of each component: texture, those of the index, and what the reservoir shall keep.
         z : array (...)
             Error components [px].
         sign : array (...)
@@ -122,20 +139,47 @@ class ErrorSketch:
         Raises
         ------
         CalibrationError
-            If an error or a coordinate is not finite.
+            If an error or a texture is not finite, or another covariate is NaN.
         """
-        x, z, sign = index.of(covariates).ravel(), np.ravel(z), np.ravel(sign)
-        if not (np.isfinite(z).all() and np.isfinite(x).all()):
-            raise CalibrationError("errors and covariates to be sketched must be finite")
-        sketch = cls.empty(index)
-        edges = x_edges()
-        _count(x, z, sign, edges[0], 1 / (edges[1] - edges[0]), sketch.counts)
+        z, sign = np.ravel(z), np.ravel(sign)
+        values = {name: np.ravel(covariate) for name, covariate in covariates.items()}
+        if not (np.isfinite(z).all() and np.isfinite(values["texture"]).all()):
+            raise CalibrationError("errors and textures to be sketched must be finite")
+        if any(np.isnan(column).any() for column in values.values()):
+            raise CalibrationError("a covariate to be sketched is NaN")
+        sketch = cls.empty(index, tuple(values))
         keys = rng.random(len(z))
         chosen = _smallest(keys)
-        columns = [np.ravel(covariates[term.covariate])[chosen] for term in index.terms]
-        rows = np.stack([*columns, (z * sign)[chosen]], axis=-1)
-        frames = (sketch.counts.sum(axis=(1, 2)) > 0).astype(np.int64)
-        return cls(index, sketch.counts, frames, 1, keys[chosen], rows, dict(excluded or {}))
+        rows = np.stack([*(column[chosen] for column in values.values()), (z * sign)[chosen]], axis=-1)
+        sketch._count(values, z, sign)
+        frames = (sketch.by_level.sum(axis=1) > 0).astype(np.int64)
+        return cls(
+            index, sketch.counts, sketch.by_level, sketch.errors, frames, 1, sketch.columns, keys[chosen],
+            rows, dict(excluded or {}),
+        )  # fmt: skip
+
+    def over(self, index: Index) -> ErrorSketch:
+        """Sketch of this one's reservoir over another index of the covariates that it keeps.
+
+        Its counts are those of a random choice of components. Image pairs and what was left out are the
+        whole sketch's.
+        """
+        sketch = ErrorSketch.empty(index, self.columns)
+        values = dict(zip(self.columns, np.ascontiguousarray(self.rows.T[:-1])))
+        sketch._count(values, self.rows[:, -1].copy(), np.ones(len(self.rows)))
+        return ErrorSketch(
+            index, sketch.counts, sketch.by_level, sketch.errors, self.frames, self.pairs, self.columns,
+            self.keys, self.rows, self.excluded,
+        )  # fmt: skip
+
+    def _count(self, values: Mapping[str, Array], z: Array, sign: Array) -> None:
+        ln_t = np.log(np.maximum(values["texture"], 1e-12))
+        x = ln_t if self.index == Index() else self.index.combine(values)
+        low, high = TEXTURE_RANGE
+        _count(
+            x, ln_t, z, sign, self.index.low, X_BINS / (self.index.high - self.index.low),
+            low, LEVELS / (high - low), self.counts, self.by_level, self.errors,
+        )  # fmt: skip
 
     @property
     def magnitude_counts(self) -> NDArray[np.int64]:
@@ -153,10 +197,10 @@ class ErrorSketch:
         Raises
         ------
         CalibrationError
-            If the two are over different indices.
+            If the two are over different indices or keep different covariates.
         """
-        if self.index != other.index:
-            raise CalibrationError("cannot merge sketches over different indices")
+        if self.index != other.index or self.columns != other.columns:
+            raise CalibrationError("cannot merge sketches over different indices or covariates")
         keys = np.concatenate([self.keys, other.keys])
         rows = np.concatenate([self.rows, other.rows])
         chosen = _smallest(keys)
@@ -165,53 +209,33 @@ class ErrorSketch:
         return ErrorSketch(
             self.index,
             self.counts + other.counts,
+            self.by_level + other.by_level,
+            self.errors + other.errors,
             self.frames + other.frames,
             self.pairs + other.pairs,
+            self.columns,
             keys[chosen],
             rows[chosen],
             excluded,
         )
 
     def save(self, path: Path | str) -> None:
-        """Write the sketch as a compressed .npz, atomically."""
-        header = {"index": asdict(self.index), "pairs": self.pairs, "excluded": self.excluded}
-        with atomic_write(Path(path), "wb") as file:
-            np.savez_compressed(
-                file, header=json.dumps(header), counts=self.counts, frames=self.frames, keys=self.keys,
-                rows=self.rows,
-            )  # fmt: skip
+        """Write the sketch as a compressed .npz, atomically; `flowlik.calibration.sketch_file` reads it."""
+        from flowlik.calibration.sketch_file import save_sketch
+
+        save_sketch(self, path)
 
     @classmethod
     def load(cls, path: Path | str) -> ErrorSketch:
-        """Read a sketch.
+        """Read a sketch; DataError if the file is missing, damaged, or has other bins."""
+        from flowlik.calibration.sketch_file import load_sketch
 
-        Raises
-        ------
-        DataError
-            If the file is missing, damaged, or has other bins.
-        """
-        path = Path(path)
-        try:
-            with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as data:
-                header = json.loads(str(data["header"]))
-                index = Index(tuple(Term(**term) for term in header["index"]["terms"]))
-                sketch = cls(
-                    index, data["counts"], data["frames"], int(header["pairs"]), data["keys"], data["rows"],
-                    {str(k): int(v) for k, v in header["excluded"].items()},
-                )  # fmt: skip
-        except OSError as error:
-            raise DataError(f"{path}: cannot read the sketch ({error.strerror or error})") from None
-        except Exception as error:  # zip, zlib and numpy's parser of headers raise a dozen kinds
-            reason = " ".join(str(error).split())
-            raise DataError(f"{path}: not a flowlik sketch ({reason})") from None
-        if sketch.counts.shape != (X_BINS, 2, Z_BINS) or sketch.counts.dtype != np.int64:
-            raise DataError(f"{path}: a sketch with other bins, {sketch.counts.shape}; sketch the data again")
-        return sketch
+        return load_sketch(path)
 
 
-def merge_all(sketches: Iterable[ErrorSketch], index: Index) -> ErrorSketch:
-    """Merge any number of sketches, in any order."""
-    return reduce(ErrorSketch.merge, sketches, ErrorSketch.empty(index))
+def merge_all(sketches: Iterable[ErrorSketch]) -> ErrorSketch:
+    """Merge one or more sketches, in any order."""
+    return reduce(ErrorSketch.merge, sketches)
 
 
 def _smallest(keys: Array) -> NDArray[np.intp]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from flowlik.calibration import (
     ErrorSketch,
+    Task,
     merge_all,
     sketch_blocks,
     split_blocks,
@@ -69,13 +70,13 @@ def calibrate(
     run = RunFolder(out, command, {"data": [str(d) for d in data], "method": method, "family": family}, seed)
     sequences = [open_sequence(folder, format) for folder in data]
     blocks = [block for sequence in sequences for block in split_blocks(sequence, seed)]
-    sketched = progress(sketch_blocks(blocks, (flow,)), f"errors of {method}", len(blocks))
+    sketched = progress(sketch_blocks(blocks, [Task(flow)]), f"errors of {method}", len(blocks))
     sketches = [sketches[0] for sketches in sketched]
     names = ", ".join(sequence.name for sequence in sequences)
     fitted = fit_families(sketches, flow, {"data": names, "seed": seed})
     models = {family: fitted[family], **fitted}
     add_evidence(run, sketches, models, names, label=method, seed=seed, split="calibration")
-    run.save("table", method, evidence.table(merge_all(sketches, sketches[0].index), models[family]))
+    run.save("table", method, evidence.table(merge_all(sketches), models[family]))
     save_likelihood(with_goodness(models[family], run.records), run.path / "models" / f"{method}.json")
     run.finish()
     return run
@@ -113,7 +114,7 @@ def add_evidence(
 
     The first model is the one drawn in detail.
     """
-    merged = merge_all(blocks, blocks[0].index)
+    merged = merge_all(blocks)
     for model in models.values():
         run.records += evidence.goodness_records(
             blocks, model, dataset, seed, least_components, least_frames, **keys

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from flowlik.calibration import sketch_blocks, split_blocks
+from flowlik.calibration import Task, sketch_blocks, split_blocks
 from flowlik.commands.calibrate import add_evidence
 from flowlik.datasets import open_sequence
 from flowlik.errors import DataError
@@ -54,7 +54,9 @@ def evaluate(
     for folder in data:
         sequence = open_sequence(folder, format)
         blocks = split_blocks(sequence, seed)
-        sketched = sketch_blocks(blocks, (method,), likelihood.schedule.index, likelihood.texture)
+        sketched = sketch_blocks(
+            blocks, [Task(method, (likelihood.schedule.index,), texture=likelihood.texture)]
+        )
         sketches = [s[0] for s in progress(sketched, f"errors on {sequence.name}", len(blocks))]
         if not any(s.total for s in sketches):
             raise DataError(f"{sequence.name}: no errors to evaluate (one image, no texture or no truth?)")

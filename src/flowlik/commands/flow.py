@@ -64,7 +64,8 @@ def flow(
     likelihood = load_likelihood(model)
     chosen = model_method(likelihood, method)
     image = read_grey(previous)
-    m = measure(image, read_grey(current), flow_method(chosen), likelihood.texture)
+    signals = likelihood.schedule.index.signals
+    m = measure(image, read_grey(current), flow_method(chosen), likelihood.texture, signals=signals)
     if not len(m):
         raise DataError(f"{previous}: no flow vector could be measured (no texture?)")
     true_flow = None if truth is None else _read_truth(truth, image.shape)
@@ -82,7 +83,7 @@ def flow(
     with atomic_write(run.path / "flow.npz", "wb") as file:
         np.savez_compressed(
             file, pixels=m.pixels, flow_px=m.flow, half_width_px=half_width, R_i_e=m.R_i_e,
-            texture=m.covariates["texture"], confidence=confidence,
+            texture=m.t, confidence=confidence,
         )  # fmt: skip
     run.finish()
     return run
@@ -128,7 +129,7 @@ def _records(
             dataset,
             m.method["name"],
             likelihood.family.name,
-            "texture",
+            likelihood.schedule.name,
             None,
             count,
             None,

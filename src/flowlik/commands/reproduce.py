@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.calibration import ErrorSketch, merge_all, sketch_blocks, split_blocks
+from flowlik.calibration import ErrorSketch, Task, merge_all, sketch_blocks, split_blocks
 from flowlik.camera import Array, Pinhole
 from flowlik.commands.calibrate import add_evidence, fit_families, with_goodness
 from flowlik.commands.plans import METHODS, QUICK, Flight, Plan
@@ -73,7 +73,7 @@ def reproduce(
         families = fit_families(blocks, method, provenance)
         models[method.name] = families
         _add_evidence(run, blocks, families, f"{plan.world}-calibration", method, plan, "calibration")
-        merged = merge_all(blocks, blocks[0].index)
+        merged = merge_all(blocks)
         run.save("table", method.name, table(merged, families["lcm"]))
         save_likelihood(
             with_goodness(families["lcm"], run.records), run.path / "models" / f"{method.name}.json"
@@ -106,7 +106,9 @@ def _sketch(
     for flight in flights:
         seeing = [method for method in methods if method.name in flight.methods]
         blocks = split_blocks(_sequence(plan, flight, camera), flight.seed, BLOCK)
-        for found in progress(sketch_blocks(blocks, seeing), _dataset(plan, flight), len(blocks)):
+        for found in progress(
+            sketch_blocks(blocks, [Task(method) for method in seeing]), _dataset(plan, flight), len(blocks)
+        ):
             for method, sketch in zip(seeing, found):
                 sketches[method.name].append(sketch)
     return sketches

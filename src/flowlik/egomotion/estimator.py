@@ -89,7 +89,7 @@ class Estimator:
             If the likelihood belongs to another flow method or texture definition.
         """
         self.likelihood.check(residual.measurements)
-        kept = residual.measurements.covariates["texture"] >= (self.gate or 0.0)
+        kept = residual.measurements.t >= (self.gate or 0.0)
         excluded = {**residual.excluded, "texture gate": int(kept.size - kept.sum())}
         if (n := int(kept.any(axis=1).sum())) < residual.minimal:
             return unsolved(Status.TOO_FEW, f"{n} flow vectors, {residual.minimal} needed", excluded)
@@ -188,7 +188,7 @@ class Estimator:
 
     def _sampling_weights(self, residual: Residual, kept: NDArray[np.bool_]) -> Array:
         """Draw a vector in proportion to the root of its weaker component's information; gated ones last."""
-        x = self.likelihood.schedule.index.of(residual.measurements.covariates)
+        x = self.likelihood.schedule.index.of(residual.measurements)
         reliability = np.sqrt(np.where(kept, self.likelihood.fisher(x), 0.0).min(axis=1))
         return reliability + 1e-6 * reliability.max() + 1e-300
 

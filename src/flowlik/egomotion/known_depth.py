@@ -73,7 +73,7 @@ class KnownDepth:
 
     def coordinates(self, T: Array, index: Index) -> Array:
         """Coordinates x (2N,), the same at every motion."""
-        return index.of(self.measurements.covariates).ravel()
+        return index.of(self.measurements).ravel()
 
     def basis(self, T: Array) -> Array:
         """All six directions are observable."""
@@ -87,7 +87,7 @@ class KnownDepth:
 
     def bounds(self, bound: Bound, index: Index, kept: NDArray[np.bool_]) -> Array:
         """Bounds (N, 2) [px], -1 where left out."""
-        return np.where(kept, bound(index.of(self.measurements.covariates)), -1.0)
+        return np.where(kept, bound(index.of(self.measurements)), -1.0)
 
     def score(self, hypotheses: Array, bounds: Array, by_vector: bool) -> NDArray[np.int64]:
         """Inlier components, or vectors, of each motion."""

@@ -54,7 +54,7 @@ def goodness_records(
     **keys
         Further keys of the protocol.
     """
-    sketch = merge_all(blocks, blocks[0].index)
+    sketch = merge_all(blocks)
     ks = kolmogorov_smirnov(sketch, likelihood, least_components, least_frames)
     rng = np.random.default_rng(seed)
     filled = [block for block in blocks if block.total]
@@ -128,12 +128,12 @@ def outside_warning(fraction: float, what: str) -> str | None:
 
 def error_over_texture(sketch: ErrorSketch, likelihood: FlowLikelihood) -> dict[str, Array]:
     """Arrays of the paper's Fig. 4: counts over texture and abs(z), with the model's 90 % bound."""
-    centres = bin_centres()
+    centres = bin_centres(sketch.index)
     counts, edges = sketch.magnitude_counts, magnitude_nodes()
     # halve the resolution in error and texture: a picture needs no more
     counts = counts.reshape(len(counts) // 2, 2, -1, 4).sum(axis=(1, 3))
     return {
-        "texture_edges": np.exp(x_edges()[::2]),
+        "texture_edges": np.exp(x_edges(sketch.index)[::2]),
         "error_edges": edges[::4],
         "counts": counts,
         "bound_texture": np.exp(centres),
@@ -148,18 +148,18 @@ def table(sketch: ErrorSketch, likelihood: FlowLikelihood) -> dict[str, Any]:
         "values": likelihood.schedule.values.T,
         "names": np.array([p.name for p in likelihood.family.parameters]),
         "units": np.array([p.unit for p in likelihood.family.parameters]),
-        "texture_edges": np.exp(x_edges()),
+        "texture_edges": np.exp(x_edges(sketch.index)),
         "counts_per_texture": sketch.counts.sum(axis=(1, 2)),
     }
 
 
 def distributions(sketch: ErrorSketch, likelihood: FlowLikelihood) -> dict[str, Array]:
     """Arrays of the paper's Fig. 5: empirical against fitted densities of signed errors at some textures."""
-    edges, centres, x = magnitude_nodes()[::8], magnitude_centres(), bin_centres()
+    edges, centres, x = magnitude_nodes()[::8], magnitude_centres(), bin_centres(sketch.index)
     edges[0] = 0.0  # the first bin holds all errors below it
     middles = 0.5 * (edges[:-1] + edges[1:])
     widths = np.diff(edges)
-    density = likelihood.family.pdf(centres, likelihood.schedule.theta(x)[:, :, None])
+    density = likelihood.family.pdf(centres, likelihood.theta(x)[:, :, None])
     levels, zs, empirical, fitted = [], [], [], []
     for low, high in SHOWN_LEVELS:
         inside = (x >= np.log(low)) & (x < np.log(high))

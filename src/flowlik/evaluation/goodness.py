@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.calibration.sketch import (
-    BINS_PER_LEVEL,
-    ErrorSketch,
-    bin_centres,
-    magnitude_centres,
-    x_edges,
-)
+from flowlik.calibration.sketch import ErrorSketch, bin_centres, level_edges, magnitude_centres
 from flowlik.camera import Array
 from flowlik.likelihood import FlowLikelihood
 from flowlik.tables import magnitude_nodes
@@ -30,7 +24,7 @@ class KolmogorovSmirnov:
     Attributes
     ----------
     texture : array (L,)
-        Level centres [intensity^2/px^2] (exp of x).
+        Level centres [intensity^2/px^2].
     statistic, signed : array (L,)
         D of the magnitude, and of the signed error; NaN at empty levels.
     counts : int64 array (L,)
@@ -75,7 +69,7 @@ class KolmogorovSmirnov:
 @lru_cache(maxsize=16)
 def _model(likelihood: FlowLikelihood) -> tuple[Array, Array]:
     """Log-density at bin centres and distribution function of abs(z) at upper bin edges, both (X, Z)."""
-    theta = likelihood.schedule.theta(bin_centres())[:, :, None]
+    theta = likelihood.theta(bin_centres(likelihood.schedule.index))[:, :, None]
     log_prob = likelihood.family.logpdf(magnitude_centres(), theta)
     return log_prob, likelihood.family.magnitude_cdf(magnitude_nodes()[1:], theta)
 
@@ -100,37 +94,31 @@ def kolmogorov_smirnov(
     least_components, least_frames : int
         What a level needs to be counted.
     """
-    per_bin = sketch.counts.sum(axis=(1, 2)).astype(np.float64)
-    levels = len(per_bin) // BINS_PER_LEVEL
-
-    def by_level(values: Array) -> Array:
-        return values.reshape(levels, BINS_PER_LEVEL, *values.shape[1:]).sum(axis=1)
-
-    counts = by_level(per_bin)
+    counts = sketch.by_level.sum(axis=1)
     with np.errstate(invalid="ignore"):
-        predicted = by_level(_model(likelihood)[1] * per_bin[:, None]) / counts[:, None]
-        negative, positive = np.moveaxis(by_level(sketch.counts.astype(np.float64)), 1, 0)
-        below = np.cumsum(negative + positive, axis=1) / counts[:, None]
+        shares = sketch.by_level / counts[:, None]
+        predicted = shares @ _model(likelihood)[1]
+        negative, positive = np.moveaxis(sketch.errors / counts[:, None, None], 1, 0)
+        below = np.cumsum(negative + positive, axis=1)
         # the signed distribution at -b and at +b
-        share_negative = negative.sum(axis=1, keepdims=True) / counts[:, None]
-        at_minus = share_negative - np.cumsum(negative, axis=1) / counts[:, None] - 0.5 * (1 - predicted)
-        at_plus = share_negative + np.cumsum(positive, axis=1) / counts[:, None] - 0.5 * (1 + predicted)
+        share_negative = negative.sum(axis=1, keepdims=True)
+        at_minus = share_negative - np.cumsum(negative, axis=1) - 0.5 * (1 - predicted)
+        at_plus = share_negative + np.cumsum(positive, axis=1) - 0.5 * (1 + predicted)
     # the outermost bin also holds what lies beyond it
     below, predicted, at_minus, at_plus = (a[:, :-1] for a in (below, predicted, at_minus, at_plus))
-    frames = sketch.frames.reshape(levels, BINS_PER_LEVEL).max(axis=1)
-    edges = x_edges()[::BINS_PER_LEVEL]
+    edges = level_edges()
     return KolmogorovSmirnov(
-        np.exp(0.5 * (edges[1:] + edges[:-1])),
+        np.sqrt(edges[1:] * edges[:-1]),
         np.abs(below - predicted).max(axis=1),
         np.maximum(np.abs(at_minus).max(axis=1), np.abs(at_plus).max(axis=1)),
-        counts.astype(np.int64),
-        (counts >= least_components) & (frames >= least_frames),
+        counts,
+        (counts >= least_components) & (sketch.frames >= least_frames),
     )
 
 
 def coverage(sketch: ErrorSketch, likelihood: FlowLikelihood, confidence: float) -> float:
     """Share of components within the model's own central region of that confidence."""
-    bounds = likelihood.bound(bin_centres(), confidence)
+    bounds = likelihood.bound(bin_centres(sketch.index), confidence)
     edges = magnitude_nodes()
     cumulated = np.cumsum(sketch.magnitude_counts, axis=1)
     inside = sum(np.interp(b, edges, np.concatenate([[0], row])) for b, row in zip(bounds, cumulated))
@@ -139,7 +127,7 @@ def coverage(sketch: ErrorSketch, likelihood: FlowLikelihood, confidence: float)
 
 def outside_range(sketch: ErrorSketch, likelihood: FlowLikelihood) -> float:
     """Share of components outside the model's calibrated range of x."""
-    centres, knots = bin_centres(), likelihood.schedule.knots
+    centres, knots = bin_centres(sketch.index), likelihood.schedule.knots
     beyond = (centres < knots[0]) | (centres > knots[-1])
     return float(sketch.counts[beyond].sum() / sketch.total)
 
@@ -179,10 +167,8 @@ def _percentiles(values: Array, confidence: float) -> tuple[float, float]:
 
 def _resampled(blocks: Sequence[ErrorSketch], draw: NDArray[np.int64]) -> ErrorSketch:
     """Sketch of blocks drawn with replacement; its reservoir stays empty."""
-    empty = ErrorSketch.empty(blocks[0].index)
-    frames = empty.frames
+    drawn = ErrorSketch.empty(blocks[0].index, blocks[0].columns)
     for i, times in zip(*np.unique(draw, return_counts=True)):
-        np.add(empty.counts, times * blocks[i].counts, out=empty.counts)
-        frames = frames + times * blocks[i].frames
-    pairs = sum(blocks[i].pairs for i in draw)
-    return ErrorSketch(empty.index, empty.counts, frames, pairs, empty.keys, empty.rows)
+        for name in ("counts", "by_level", "errors", "frames"):
+            np.add(getattr(drawn, name), times * getattr(blocks[i], name), out=getattr(drawn, name))
+    return replace(drawn, pairs=sum(blocks[i].pairs for i in draw))

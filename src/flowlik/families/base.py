@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,6 +50,7 @@ class ErrorFamily(ABC):
 
     name: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
+    interpolation: ClassVar[Literal["parameter", "link"]] = "parameter"
 
     @abstractmethod
     def logpdf(self, z: ArrayLike, theta: Array) -> Array:
@@ -70,6 +71,10 @@ class ErrorFamily(ABC):
     @abstractmethod
     def start(self, magnitude: Array, count: Array) -> Array:
         """Rough parameters (P,) of weighted magnitudes [px], from which a fit begins."""
+
+    def logpdf_and_gradient(self, z: ArrayLike, theta: Array) -> tuple[Array, Array]:
+        """`logpdf` and its derivatives by the parameters, shape (P, ...): what a fit asks for."""
+        return self.logpdf(z, theta), self.gradient(z, theta)[1]
 
     def pdf(self, z: ArrayLike, theta: Array) -> Array:
         """Density [1/px] at z [px]."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any, ClassVar, Protocol
 
@@ -45,6 +46,12 @@ def check_pair(previous: Image, current: Image) -> None:
         raise DataError(f"the two images differ in size: {sizes}")
 
 
+def all_pixels(shape: tuple[int, ...]) -> Array:
+    """Pixel centres (H * W, 2) of an image (H, W), in row-major order."""
+    v, u = np.mgrid[0 : shape[0], 0 : shape[1]]
+    return np.stack([u.ravel(), v.ravel()], axis=-1).astype(np.float64)
+
+
 def sample_dense(flow: NDArray[np.float32], pixels: Array) -> Array:
     """Dense flow (H, W, 2) at pixels (N, 2): exact at whole pixels, bilinear between."""
     u, v = pixels[:, 0], pixels[:, 1]
@@ -52,6 +59,14 @@ def sample_dense(flow: NDArray[np.float32], pixels: Array) -> Array:
     if np.array_equal(whole, pixels):
         return flow[v.astype(int), u.astype(int)].astype(np.float64)
     return _kernels.bilinear(flow, np.ascontiguousarray(pixels, dtype=np.float64))
+
+
+def sampler(method: FlowMethod, previous: Image, current: Image) -> Callable[[Array], Array]:
+    """Flow (N, 2) [px] of an image pair as a function of pixels (N, 2); a dense one is computed once."""
+    if isinstance(method, DenseFlow):
+        flow = method.dense(previous, current)
+        return lambda pixels: sample_dense(flow, pixels)
+    return lambda pixels: method.measure_at(previous, current, pixels)
 
 
 class DenseFlow(ABC):
@@ -63,9 +78,7 @@ class DenseFlow(ABC):
 
     def measure(self, previous: Image, current: Image) -> tuple[Array, Array]:
         """Flow of all pixels in row-major order: pixels (H * W, 2) and flow (H * W, 2) [px]."""
-        v, u = np.mgrid[0 : previous.shape[0], 0 : previous.shape[1]]
-        pixels = np.stack([u.ravel(), v.ravel()], axis=-1).astype(np.float64)
-        return pixels, self.dense(previous, current).reshape(-1, 2).astype(np.float64)
+        return all_pixels(previous.shape), self.dense(previous, current).reshape(-1, 2).astype(np.float64)
 
     def measure_at(self, previous: Image, current: Image, pixels: Array) -> Array:
         """Flow (N, 2) [px] at given pixels (N, 2), bilinear between pixel centres."""

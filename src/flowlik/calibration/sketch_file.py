@@ -1,0 +1,65 @@
+"""Sketches on disk: compressed .npz, written whole or not at all."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flowlik.calibration.sketch import ErrorSketch
+from flowlik.errors import DataError
+from flowlik.files import atomic_write
+from flowlik.schedule import index_of_values, index_values
+
+ARRAYS = ("counts", "by_level", "errors", "frames", "keys", "rows")
+
+
+def save_sketch(sketch: ErrorSketch, path: Path | str) -> None:
+    """Write a sketch, atomically."""
+    header = {
+        "index": index_values(sketch.index), "pairs": sketch.pairs, "columns": sketch.columns,
+        "excluded": sketch.excluded,
+    }  # fmt: skip
+    arrays: Any = {name: getattr(sketch, name) for name in ARRAYS}
+    with atomic_write(Path(path), "wb") as file:
+        np.savez_compressed(file, header=json.dumps(header), **arrays)
+
+
+def load_sketch(path: Path | str) -> ErrorSketch:
+    """Read a sketch.
+
+    Raises
+    ------
+    DataError
+        If the file is missing, damaged, or has other bins.
+    """
+    path = Path(path)
+    try:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as data:
+            header = json.loads(str(data["header"]))
+            arrays = {name: data[name] for name in ARRAYS}
+            sketch = ErrorSketch(
+                index=index_of_values(header["index"]),
+                pairs=int(header["pairs"]),
+                columns=tuple(str(name) for name in header["columns"]),
+                excluded={str(k): int(v) for k, v in header["excluded"].items()},
+                **arrays,
+            )
+    except OSError as error:
+        raise DataError(f"{path}: cannot read the sketch ({error.strerror or error})") from None
+    except Exception as error:  # zip, zlib and numpy's parser of headers raise a dozen kinds
+        reason = " ".join(str(error).split())
+        raise DataError(f"{path}: not a flowlik sketch ({reason})") from None
+    empty = ErrorSketch.empty(sketch.index, sketch.columns)
+    for name in ARRAYS:
+        mine, other = getattr(empty, name), getattr(sketch, name)
+        # the reservoir may have any length
+        fits = mine.shape[1:] == other.shape[1:] if name in ("keys", "rows") else mine.shape == other.shape
+        if not fits or mine.dtype != other.dtype or len(sketch.keys) != len(sketch.rows):
+            raise DataError(
+                f"{path}: a sketch with other bins, {name} is {other.shape}; sketch the data again"
+            )
+    return sketch
