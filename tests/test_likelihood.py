@@ -18,6 +18,17 @@ VALUES = {
     "lcm": LCM_VALUES,
     "log-logistic": np.array([[1.0, 0.3, 0.1, 0.03], [1.1, 1.5, 2.2, 1.4]]),
     "gaussian": np.array([[3.0, 1.0, 0.3, 0.05]]),
+    "laplace": np.array([[3.0, 1.0, 0.3, 0.05]]),
+    "student-t": np.array([[1.0, 0.3, 0.1, 0.03], [0.6, 1.0, 1.5, 2.5]]),
+    "glc": np.array(
+        [
+            [0.4, 0.15, 0.05, 0.02],
+            [1.0, 0.5, 0.15, 0.06],
+            [3.0, 2.0, 0.8, 0.3],
+            [0.1, 0.2, 0.3, 0.3],
+            [0.4, 0.6, 0.7, 0.6],
+        ]
+    ),
 }
 MODELS = [FlowLikelihood(family, Schedule(Index(), KNOTS, VALUES[n])) for n, family in FAMILIES.items()]
 every_model = pytest.mark.parametrize("model", MODELS, ids=list(FAMILIES))

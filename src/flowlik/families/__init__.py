@@ -2,11 +2,24 @@
 
 from flowlik.errors import ModelError
 from flowlik.families.base import ErrorFamily, Parameter
+from flowlik.families.gauss_laplace_cauchy import GaussLaplaceCauchy
 from flowlik.families.gaussian import Gaussian
+from flowlik.families.laplace import Laplace
 from flowlik.families.laplace_cauchy import LaplaceCauchy
 from flowlik.families.log_logistic import LogLogistic
+from flowlik.families.student_t import StudentT
 
-FAMILIES: dict[str, ErrorFamily] = {f.name: f for f in (LaplaceCauchy(), LogLogistic(), Gaussian())}
+FAMILIES: dict[str, ErrorFamily] = {
+    f.name: f
+    for f in (
+        LaplaceCauchy(),
+        LogLogistic(),
+        Gaussian(),
+        Laplace(),
+        StudentT(),
+        GaussLaplaceCauchy(),
+    )
+}
 
 
 def error_family(name: str) -> ErrorFamily:
@@ -16,4 +29,15 @@ def error_family(name: str) -> ErrorFamily:
     return FAMILIES[name]
 
 
-__all__ = ["FAMILIES", "ErrorFamily", "Gaussian", "LaplaceCauchy", "LogLogistic", "Parameter", "error_family"]
+__all__ = [
+    "FAMILIES",
+    "ErrorFamily",
+    "GaussLaplaceCauchy",
+    "Gaussian",
+    "Laplace",
+    "LaplaceCauchy",
+    "LogLogistic",
+    "Parameter",
+    "StudentT",
+    "error_family",
+]

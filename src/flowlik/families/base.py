@@ -30,6 +30,20 @@ LOG = Link(np.exp, np.log, np.exp)
 LOGIT = Link(expit, logit, lambda u: expit(u) * expit(-u))
 
 
+def log_between(lower: float, upper: float) -> Link:
+    """Link of a positive parameter to its bounds: the logit of its logarithm's place between theirs."""
+    span = np.log(upper / lower)
+
+    def inverse(u: Array) -> Array:
+        return lower * np.exp(span * expit(u))
+
+    return Link(
+        inverse,
+        lambda v: logit(np.log(v / lower) / span),
+        lambda u: inverse(u) * span * expit(u) * expit(-u),
+    )
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One parameter of a family: name, unit, open bounds, and the link that keeps to them."""
@@ -46,6 +60,16 @@ class ErrorFamily(ABC):
 
     ``theta`` stacks the parameters along its first axis: shape (P,) or (P, ...), broadcast against z.
     A family says `parameters`, `logpdf`, `gradient`, `magnitude_cdf`, `sample_magnitude` and `start`.
+
+    Attributes
+    ----------
+    name : str
+        Name in model files and on the command line.
+    parameters : tuple of Parameter
+        In the order of theta.
+    interpolation : str
+        What a schedule interpolates between its knots: the ``"parameter"``, as in the paper, or the free
+        variable of its ``"link"``. A table stores parameters either way.
     """
 
     name: ClassVar[str]
@@ -73,8 +97,15 @@ class ErrorFamily(ABC):
         """Rough parameters (P,) of weighted magnitudes [px], from which a fit begins."""
 
     def logpdf_and_gradient(self, z: ArrayLike, theta: Array) -> tuple[Array, Array]:
-        """`logpdf` and its derivatives by the parameters, shape (P, ...): what a fit asks for."""
+        """`logpdf` and its derivatives (P, ...) by the parameters, which is what a fit needs."""
         return self.logpdf(z, theta), self.gradient(z, theta)[1]
+
+    def improve(self, magnitude: Array, count: Array, theta: Array) -> Array:
+        """Parameters (P,) a step nearer the likeliest of weighted magnitudes; `start` unless a family says.
+
+        A mixture calls it on its components while it maximises the expectation.
+        """
+        return self.start(magnitude, count)
 
     def pdf(self, z: ArrayLike, theta: Array) -> Array:
         """Density [1/px] at z [px]."""
