@@ -15,6 +15,7 @@ _HOME = {
     "Measurements": "measurements",
     "measure": "measurements",
     "stratified_pixels": "measurements",
+    "DIS": "flow",
     "Farneback": "flow",
     "LucasKanade": "flow",
     "flow_method": "flow",
