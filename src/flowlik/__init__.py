@@ -17,6 +17,7 @@ _HOME = {
     "stratified_pixels": "measurements",
     "DIS": "flow",
     "Farneback": "flow",
+    "HornSchunck": "flow",
     "LucasKanade": "flow",
     "flow_method": "flow",
     "Gaussian": "families",

@@ -9,11 +9,13 @@ from flowlik.errors import ModelError
 from flowlik.flow.base import FlowMethod, check_parameters, describe
 from flowlik.flow.dis import DIS
 from flowlik.flow.farneback import Farneback
+from flowlik.flow.horn_schunck import HornSchunck
 from flowlik.flow.lucas_kanade import LucasKanade, detect_corners
 
 METHODS: dict[str, Callable[..., FlowMethod]] = {
     "dis": DIS,
     "farneback": Farneback,
+    "horn-schunck": HornSchunck,
     "lucas-kanade": LucasKanade,
 }
 
@@ -25,6 +27,7 @@ PRESETS: dict[str, FlowMethod] = {
     "lucas-kanade": LucasKanade(),
     "lucas-kanade-11": LucasKanade(window=11),
     "dis": DIS(),
+    "horn-schunck": HornSchunck(),
 }
 
 
@@ -56,6 +59,7 @@ __all__ = [
     "PRESETS",
     "Farneback",
     "FlowMethod",
+    "HornSchunck",
     "LucasKanade",
     "describe",
     "detect_corners",
