@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from flowlik.errors import FlowlikError, ModelError
 from flowlik.families import error_family
 from flowlik.files import atomic_write
-from flowlik.flow import describe, flow_method
+from flowlik.flow import check_record
 from flowlik.likelihood import FlowLikelihood
 from flowlik.schedule import Index, Schedule, Term
 from flowlik.texture import TextureDefinition
@@ -79,7 +79,7 @@ def save_likelihood(likelihood: FlowLikelihood, path: Path | str) -> None:
 
 
 def load_likelihood(path: Path | str) -> FlowLikelihood:
-    """Read a likelihood from its JSON file.
+    """Read a likelihood from its JSON file; imports nothing that the file names.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def load_likelihood(path: Path | str) -> FlowLikelihood:
                 np.array([content.table[name] for name in names], dtype=np.float64),
             ),
             TextureDefinition(content.texture.derivative, content.texture.window),
-            describe(flow_method(content.flow)),
+            check_record(content.flow),
             content.provenance,
             content.goodness,
         )

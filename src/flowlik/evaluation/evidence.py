@@ -20,6 +20,7 @@ from flowlik.evaluation.goodness import (
     nll_interval,
     outside_range,
 )
+from flowlik.flow import method_label
 from flowlik.likelihood import FlowLikelihood
 from flowlik.records import Record, protocol
 from flowlik.tables import magnitude_nodes
@@ -77,7 +78,7 @@ def goodness_records(
             counted_share=f"{ks.counted_share:.3f}",
         )
     )
-    method = (likelihood.method or {}).get("name")
+    method = method_label(likelihood.method) if likelihood.method else None
 
     def record(metric: str, value: float, unit: str, note: str) -> Record:
         return Record(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import field, fields
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast
 
 import numpy as np
@@ -18,6 +18,11 @@ if TYPE_CHECKING:
 
 Image = NDArray[np.uint8]
 
+ZERO_ALLOWED = {"zero": True}
+"""Metadata of a field for a parameter that may be 0; others must be above it."""
+NOT_RECORDED = {"recorded": False}
+"""Metadata of a field that belongs to one machine or run, and so not to a model file."""
+
 
 class FlowMethod(Protocol):
     """Two-frame flow as a frozen dataclass: its fields are the parameters that a model file records."""
@@ -31,16 +36,6 @@ class FlowMethod(Protocol):
     def measure_at(self, previous: Image, current: Image, pixels: Array) -> Array:
         """Flow (N, 2) [px] at given pixels (N, 2), sub-pixel or whole; NaN where it fails or outside."""
         ...
-
-
-def zero_allowed(default: Any) -> Any:
-    """Make a field for a parameter that may be 0; others must be above it."""
-    return field(default=default, metadata={"zero": True})
-
-
-def not_recorded(default: Any) -> Any:
-    """Make a field that belongs to one machine or run, and so not to a model file."""
-    return field(default=default, metadata={"recorded": False})
 
 
 def describe(method: FlowMethod) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import cv2
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.errors import DataError
-from flowlik.flow.base import DenseFlow, Image, check_pair, zero_allowed
+from flowlik.flow.base import ZERO_ALLOWED, DenseFlow, Image, check_pair
 
 
 @dataclass(frozen=True)
@@ -43,14 +43,14 @@ class DIS(DenseFlow):
     """
 
     name: ClassVar[str] = "dis"
-    finest_scale: int = zero_allowed(1)
+    finest_scale: int = field(default=1, metadata=ZERO_ALLOWED)
     patch_size: int = 8
     patch_stride: int = 3
     iterations: int = 25
-    refinement_iterations: int = zero_allowed(5)
+    refinement_iterations: int = field(default=5, metadata=ZERO_ALLOWED)
     refinement_alpha: float = 20.0
-    refinement_gamma: float = zero_allowed(10.0)
-    refinement_delta: float = zero_allowed(5.0)
+    refinement_gamma: float = field(default=10.0, metadata=ZERO_ALLOWED)
+    refinement_delta: float = field(default=5.0, metadata=ZERO_ALLOWED)
     refinement_epsilon: float = 0.01
     mean_normalization: bool = True
     spatial_propagation: bool = True

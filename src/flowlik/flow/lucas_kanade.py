@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import cv2
 import numpy as np
 
 from flowlik.camera import Array
-from flowlik.flow.base import Image, check_pair, inside_image, zero_allowed
+from flowlik.flow.base import ZERO_ALLOWED, Image, check_pair, inside_image
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class LucasKanade:
 
     name: ClassVar[str] = "lucas-kanade"
     window: int = 21
-    max_level: int = zero_allowed(3)
+    max_level: int = field(default=3, metadata=ZERO_ALLOWED)
     iterations: int = 30
     epsilon_px: float = 0.01
 
