@@ -45,6 +45,9 @@ def constant(previous, current):
     flow[0] = np.inf
     return flow
 
+def huge(previous, current):
+    return np.full((*current.shape, 2), 1e300)
+
 class Network:
     made = 0
     def __init__(self):
@@ -134,6 +137,7 @@ def test_what_is_not_finite_is_unknown_and_the_images_stay_as_they_are():
     assert (m.flow == 1.5).all()
     np.testing.assert_array_equal(PREVIOUS, textured_image(SHAPE))
     assert m.covariates["texture"].max() > 1
+    assert np.isnan(flow_method("own:huge").dense(PREVIOUS, CURRENT)).all()
 
 
 def test_a_sparse_flow():

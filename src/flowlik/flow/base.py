@@ -92,6 +92,14 @@ def check_pair(previous: Image, current: Image) -> None:
         raise DataError(f"the two images differ in size: {sizes}")
 
 
+def as_dense(flow: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Flow (H, W, 2) of others as a dense method gives it: NaN in both components where not finite."""
+    with np.errstate(over="ignore"):
+        dense = flow.astype(np.float32)
+    dense[~np.isfinite(dense).all(axis=-1)] = np.nan
+    return dense
+
+
 def inside_image(pixels: Array, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """Which positions (N, 2) lie within the outermost pixel centres of an image (H, W, ...); NaN does not."""
     return np.asarray(((pixels >= 0) & (pixels <= [shape[1] - 1, shape[0] - 1])).all(axis=1))

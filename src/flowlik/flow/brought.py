@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from flowlik.camera import Array
 from flowlik.errors import DataError, ModelError
-from flowlik.flow.base import DenseFlow, Image, check_pair
+from flowlik.flow.base import DenseFlow, Image, as_dense, check_pair
 
 DOTTED = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*(\.[^\W\d]\w*)*")
 """``package.module:object``, both parts with dots or without."""
@@ -55,9 +55,7 @@ class CallableFlow(DenseFlow):
         own = find(self.object)
         function = own.dense if isinstance(own, DenseFlow) else own
         flow = _call(self.object, function, previous.copy(), current.copy())
-        flow = _floats(self.object, flow, (*previous.shape, 2)).astype(np.float32)
-        flow[~np.isfinite(flow).all(axis=-1)] = np.nan
-        return flow
+        return as_dense(_floats(self.object, flow, (*previous.shape, 2)))
 
 
 @dataclass(frozen=True)

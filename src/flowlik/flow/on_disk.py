@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.errors import DataError, ModelError
-from flowlik.flow.base import NOT_RECORDED, DenseFlow, FlowOfPairs, Image, check_pair
+from flowlik.flow.base import NOT_RECORDED, DenseFlow, FlowOfPairs, Image, as_dense, check_pair
 
 if TYPE_CHECKING:
     from flowlik.datasets.base import Sequence
@@ -91,7 +91,7 @@ class FlowFiles(DenseFlow, FlowOfPairs):
         if flow.shape[:2] != previous.shape:
             sizes = f"{flow.shape[1]}x{flow.shape[0]} for images of {previous.shape[1]}x{previous.shape[0]}"
             raise DataError(f"{path}: flow of {sizes}")
-        return flow.astype(np.float32)
+        return as_dense(flow)
 
     def _path(self) -> Path:
         if self.path is None:
