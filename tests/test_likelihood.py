@@ -57,7 +57,7 @@ def test_bounds_cover_their_share_of_samples_at_every_level(model, confidence):
 @every_model
 def test_bounds_between_nodes_are_solved_not_interpolated_from_the_knots(model):
     x = np.random.default_rng(0).uniform(KNOTS[0], KNOTS[-1], 300)
-    share = model.family.magnitude_cdf(model.bound(x, 0.9), model.theta(x))
+    share = model.family.magnitude_cdf(model.bound(x, 0.9), model.schedule.theta(x))
     np.testing.assert_allclose(share, 0.9, atol=2e-4)
 
 
@@ -94,7 +94,7 @@ def test_the_gaussians_fisher_information_is_its_inverse_variance():
 @every_model
 def test_weights_are_minus_score_over_error_and_never_negative(model):
     x = LEVELS[:, None]
-    floor = 0.1 * model.family.magnitude_ppf(0.5, model.theta(x))
+    floor = 0.1 * model.family.magnitude_ppf(0.5, model.schedule.theta(x))
     z = floor * np.geomspace(1.01, 1e4, 200)
     z[:, ::2] *= -1
     np.testing.assert_allclose(model.weight(z, x), np.maximum(-model.score(z, x) / z, 0), rtol=1e-9)

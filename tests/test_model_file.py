@@ -78,7 +78,7 @@ def index(**values):
         (lambda content: '{"dataset": "planes"}', "family"),
         (changed(comment="mine"), "comment"),
         (changed(schema_version=1), "schema_version"),
-        (changed(interpolation="link"), "interpolates the parameter"),
+        (changed(interpolation="link"), "interpolation"),
         (changed(family="student"), "unknown error family 'student'"),
         (changed(family="gaussian"), "needs the parameters"),
         (changed(knots=[0.0, 2.0, 1.0, 3.0]), "increasing knots"),

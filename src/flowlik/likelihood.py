@@ -75,34 +75,30 @@ class FlowLikelihood:
         if self.method is not None and self.texture != measurements.texture:
             raise ModelError(f"the model is for {self.texture}, the measurements have {measurements.texture}")
 
-    def theta(self, x: Array | float) -> Array:
-        """Parameters (P, ...) of the family at coordinates x (...)."""
-        return self.schedule.theta(x, self.family)
-
     def log_prob(self, z: ArrayLike, x: Array | float) -> Array:
         """Log-density [nat] of errors z [px] at coordinates x."""
-        return self.family.logpdf(z, self.theta(x))
+        return self.family.logpdf(z, self.schedule.theta(x))
 
     def score(self, z: ArrayLike, x: Array | float) -> Array:
         """Derivative [nat/px] of `log_prob` by z."""
-        return self.family.gradient(z, self.theta(x))[0]
+        return self.family.gradient(z, self.schedule.theta(x))[0]
 
     def weight(self, z: ArrayLike, x: Array | float) -> Array:
         """Weight [1/px^2] of z in iteratively reweighted least squares, ``-score / z``.
 
         abs(z) is floored at a tenth of the median error at x, so that a cusp at 0 stays finite.
         """
-        theta = self.theta(x)
+        theta = self.schedule.theta(x)
         floored = np.maximum(np.abs(z), 0.1 * self.family.magnitude_ppf(0.5, theta))
         return np.maximum(-self.family.gradient(floored, theta)[0] / floored, 0.0)
 
     def cdf(self, z: ArrayLike, x: Array | float) -> Array:
         """Distribution function at errors z [px] and coordinates x."""
-        return self.family.cdf(z, self.theta(x))
+        return self.family.cdf(z, self.schedule.theta(x))
 
     def sample(self, x: Array, rng: np.random.Generator) -> Array:
         """Random errors [px], one for each coordinate x."""
-        return self.family.rvs(self.theta(x), np.shape(x), rng)
+        return self.family.rvs(self.schedule.theta(x), np.shape(x), rng)
 
     def bound(self, x: Array | float, confidence: float) -> Array:
         """Half-width b [px] with ``P(abs(z) <= b) = confidence`` at x.
@@ -112,7 +108,7 @@ class FlowLikelihood:
         if not 0 < confidence < 1:
             raise ModelError(f"confidence must lie between 0 and 1, not {confidence}")
         if confidence not in self._bounds:
-            theta = self.theta(self._nodes)
+            theta = self.schedule.theta(self._nodes)
             self._bounds[confidence] = self.family.magnitude_ppf(confidence, theta)
         return self._interpolate(x, self._bounds[confidence])
 
@@ -143,6 +139,6 @@ class FlowLikelihood:
     def _fisher(self) -> Array:
         # substitution z = e^s; the interval below 1e-6 px carries nothing
         s = np.linspace(np.log(1e-6), np.log(1e5), 1500)
-        z, theta = np.exp(s)[:, None], self.theta(self._nodes)[:, None, :]
+        z, theta = np.exp(s)[:, None], self.schedule.theta(self._nodes)[:, None, :]
         integrand = self.family.gradient(z, theta)[0] ** 2 * self.family.pdf(z, theta) * z
         return np.asarray(2 * np.trapezoid(integrand, s, axis=0), dtype=np.float64)

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from flowlik.errors import FlowlikError, ModelError
 from flowlik.families import error_family
 from flowlik.files import atomic_write
-from flowlik.flow import describe, flow_method
+from flowlik.flow import check_record
 from flowlik.likelihood import FlowLikelihood
 from flowlik.schedule import Schedule, index_of_values, index_values
 from flowlik.texture import TextureDefinition
@@ -49,14 +49,13 @@ class ModelFile(_Strict):
     """Layout of a model file, schema version 2.
 
     ``index`` says how covariates give x (ln of texture for the paper's schedule), ``knots`` are of x;
-    ``table`` maps each parameter of the family to its values at the knots, between which the parameter
-    itself is linear or its link, as ``interpolation`` says; ``score_correlation`` is the correlation of
-    scores over pixel distance, when it is known.
+    ``table`` maps each parameter of the family to its values at the knots, linear
+    between; ``score_correlation`` is the correlation of scores over pixel distance, when it is known.
     """
 
     schema_version: Literal[2] = 2
     family: str
-    interpolation: Literal["parameter", "link"]
+    interpolation: Literal["parameter"] = "parameter"
     index: _Index
     knots: list[float]
     table: dict[str, list[float]]
@@ -80,7 +79,6 @@ def save_likelihood(likelihood: FlowLikelihood, path: Path | str) -> None:
     schedule = likelihood.schedule
     content = ModelFile(
         family=likelihood.family.name,
-        interpolation=likelihood.family.interpolation,
         index=_Index.model_validate(index_values(schedule.index)),
         knots=schedule.knots.tolist(),
         table={p.name: row.tolist() for p, row in zip(likelihood.family.parameters, schedule.values)},
@@ -94,7 +92,7 @@ def save_likelihood(likelihood: FlowLikelihood, path: Path | str) -> None:
 
 
 def load_likelihood(path: Path | str) -> FlowLikelihood:
-    """Read a likelihood from its JSON file.
+    """Read a likelihood from its JSON file; imports nothing that the file names.
 
     Raises
     ------
@@ -110,10 +108,6 @@ def load_likelihood(path: Path | str) -> FlowLikelihood:
             raise ModelError(
                 f"family {family.name} needs the parameters {names}, not {sorted(content.table)}"
             )
-        if content.interpolation != family.interpolation:
-            raise ModelError(
-                f"family {family.name} interpolates the {family.interpolation}, not {content.interpolation}"
-            )
         if len({len(content.knots), *map(len, content.table.values())}) != 1:
             raise ModelError("knots and parameters differ in number")
         return FlowLikelihood(
@@ -124,7 +118,7 @@ def load_likelihood(path: Path | str) -> FlowLikelihood:
                 np.array([content.table[name] for name in names], dtype=np.float64),
             ),
             TextureDefinition(content.texture.derivative, content.texture.window),
-            describe(flow_method(content.flow)),
+            check_record(content.flow),
             content.provenance,
             content.goodness,
         )

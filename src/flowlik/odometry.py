@@ -14,7 +14,7 @@ from flowlik.datasets.base import Sequence
 from flowlik.egomotion import EgoMotion, Epipolar, Estimator, KnownDepth, Residual, Status
 from flowlik.egomotion.result import unsolved
 from flowlik.errors import DataError
-from flowlik.flow.base import DenseFlow, FlowMethod, Image, check_pair
+from flowlik.flow.base import DenseFlow, FlowMethod, Image, check_pair, method_for_pair
 from flowlik.measurements import Measurements, measure, stratified_pixels
 from flowlik.texture import TextureDefinition
 
@@ -179,10 +179,14 @@ def run_odometry(
         If the sequence lacks a field asked for.
     """
     count = len(sequence) if frames is None else min(frames, len(sequence))
+    method = odometry.method
     for k in range(count):
+        if k > 0:
+            odometry.method = method_for_pair(method, sequence, k - 1)
         # the last frame's depth is never used, and data sets may lack it
         depth = sequence.depth(k) if residual == "depth" and k < count - 1 else None
         distance = true_distance(sequence, k) if scale == "truth-norm" and k > 0 else None
         motion = odometry.step(sequence.image(k), sequence.timestamp(k), depth, distance)
         if k > 0:
             yield motion
+    odometry.method = method

@@ -119,7 +119,7 @@ class Index:
 class Schedule:
     """Look-up table: parameters at knots of x, linear between, constant beyond the outer knots.
 
-    The family's own parameters are interpolated, as in the paper, or their links where the family says so.
+    The family's own parameters are interpolated, as in the paper.
 
     Attributes
     ----------
@@ -151,12 +151,9 @@ class Schedule:
         """``"constant"``, or the name of the index: ``"texture"`` is the paper's schedule."""
         return self.index.name if np.ptp(self.values, axis=1).any() else "constant"
 
-    def theta(self, x: Array | float, family: ErrorFamily) -> Array:
-        """Parameters (P, ...) of a family at coordinates x (...)."""
-        if family.interpolation == "parameter":
-            return np.stack([np.interp(x, self.knots, row) for row in self.values])
-        free = family.to_free(self.values)
-        return family.to_theta(np.stack([np.interp(x, self.knots, row) for row in free]))
+    def theta(self, x: Array | float) -> Array:
+        """Parameters (P, ...) at coordinates x (...)."""
+        return np.stack([np.interp(x, self.knots, row) for row in self.values])
 
     def hats(self, x: Array) -> Array:
         """Interpolation weights (M, X) of the knots at x (X,)."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flowlik import _kernels
 from flowlik.camera import Array
 from flowlik.errors import ModelError
-from flowlik.flow.base import FlowMethod, Image, sampler
+from flowlik.flow.base import FlowMethod, Image, backward_method, sampler
 from flowlik.threads import in_bands
 
 RESIDUAL_WINDOW = 5
@@ -33,13 +33,8 @@ class Pair:
 
 def _discrepancy(pair: Pair) -> Array:
     """Forward-backward discrepancy (N, 2) [px]: flow there and back again; NaN where there is no way back."""
-    end = pair.pixels + pair.flow
-    height, width = pair.current.shape
-    inside = ((end >= 0) & (end <= [width - 1, height - 1])).all(axis=1)
-    d = np.full(end.shape, np.nan)
-    back = sampler(pair.method, pair.current, pair.previous)
-    d[inside] = pair.flow[inside] + back(end[inside])
-    return d
+    back = sampler(backward_method(pair.method), pair.current, pair.previous)
+    return pair.flow + back(pair.pixels + pair.flow)
 
 
 def _residual(pair: Pair) -> Array:

@@ -184,7 +184,7 @@ def test_a_model_of_another_flow_method(flight, models, tmp_path, out):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("calibrate", "FLIGHT", "--method", "dis"), "unknown flow method 'dis': known are farneback"),
+        (("calibrate", "FLIGHT", "--method", "raft"), "unknown flow method 'raft': known are farneback"),
         (("calibrate", "FLIGHT", "--method", "farneback", "--family", "x"), "unknown error family 'x'"),
         (("calibrate", "FLIGHT", "--method", "farneback", "--format", "euroc"), "format 'euroc', known are"),
         (("calibrate", "nowhere", "--method", "farneback"), "nowhere: no such folder"),

@@ -4,7 +4,7 @@ import pytest
 from scipy import ndimage
 
 from flowlik.errors import DataError, ModelError
-from flowlik.flow import PRESETS, Farneback, LucasKanade, describe, detect_corners, flow_method
+from flowlik.flow import DIS, PRESETS, Farneback, LucasKanade, describe, detect_corners, flow_method
 from flowlik.flow.base import sample_dense
 from tests.helpers import textured_image
 
@@ -120,3 +120,81 @@ def test_an_unknown_method_is_one_line(description):
 def test_images_that_do_not_fit_are_refused(method, current):
     with pytest.raises(DataError, match=r"size|grey uint8"):
         method.measure_at(PREVIOUS, current, PIXELS)
+
+
+def test_dis_is_opencvs_preset_medium():
+    opencv = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    np.testing.assert_array_equal(DIS().dense(PREVIOUS, CURRENT), opencv.calc(PREVIOUS, CURRENT, None))
+    coarse = DIS(finest_scale=2, patch_stride=4, iterations=12, refinement_iterations=0)
+    ultrafast = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
+    np.testing.assert_array_equal(coarse.dense(PREVIOUS, CURRENT), ultrafast.calc(PREVIOUS, CURRENT, None))
+
+
+def test_dis_does_not_depend_on_opencvs_threads():
+    before = cv2.getNumThreads()
+    try:
+        flows = []
+        for threads in (1, 3):
+            cv2.setNumThreads(threads)
+            flows.append(DIS().dense(PREVIOUS, CURRENT))
+    finally:
+        cv2.setNumThreads(before)
+    np.testing.assert_array_equal(*flows)
+
+
+@pytest.mark.parametrize("shape", [(8, 8), (15, 640)])
+def test_images_too_small_for_dis_are_refused(shape):
+    image = textured_image(shape)
+    with pytest.raises(DataError, match=f"images of {shape[1]}x{shape[0]} are too small for DIS"):
+        DIS().dense(image, image)
+
+
+@pytest.mark.parametrize("method", PRESETS.values(), ids=PRESETS)
+def test_a_constant_image_gives_no_flow_or_none_at_all(method):
+    flat = np.full(SHAPE, 77, np.uint8)
+    flow = method.measure_at(flat, flat, PIXELS)
+    assert (np.isnan(flow) | (flow == 0)).all()
+
+
+@pytest.mark.parametrize("method", PRESETS.values(), ids=PRESETS)
+def test_a_method_measures_backward_from_where_the_flow_ends(method):
+    inside = PIXELS[(PIXELS > 25).all(axis=1) & (PIXELS < [135, 95]).all(axis=1)]
+    ends = inside + method.measure_at(PREVIOUS, CURRENT, inside)
+    back = method.measure_at(CURRENT, PREVIOUS, ends)
+    np.testing.assert_allclose(np.median(back, axis=0), [-2.3, 1.1], atol=0.05)
+    assert np.median(np.abs(inside - ends - back)) < 0.05
+
+
+@pytest.mark.parametrize("method", PRESETS.values(), ids=PRESETS)
+def test_outside_the_image_there_is_no_flow(method):
+    outside = np.array([[-0.01, 50], [159.01, 50], [80, -3], [80, 119.5], [np.nan, 50], [1e6, -1e6]])
+    pixels = np.concatenate([PIXELS, outside])
+    flow = method.measure_at(PREVIOUS, CURRENT, pixels)
+    assert np.isnan(flow[len(PIXELS) :]).all()
+    np.testing.assert_array_equal(flow[: len(PIXELS)], method.measure_at(PREVIOUS, CURRENT, PIXELS))
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"name": "farneback", "window": 0}, "window must be a positive number below 1000, not 0"),
+        ({"name": "farneback", "poly_sigma": float("nan")}, "poly_sigma must be a positive number"),
+        ({"name": "lucas-kanade", "window": 1e6}, "window must be of int, not 1000000.0"),
+        ({"name": "lucas-kanade", "window": True}, "window must be of int, not True"),
+        ({"name": "lucas-kanade", "epsilon_px": "0.1"}, "epsilon_px must be of float, not '0.1'"),
+        ({"name": "dis", "mean_normalization": 1}, "mean_normalization must be of bool, not 1"),
+        ({"name": "dis", "iterations": 1000}, "iterations must be a positive number below 1000"),
+    ],
+)
+def test_parameters_out_of_range_are_refused(parameters, message):
+    with pytest.raises(ModelError, match=message):
+        flow_method(parameters)
+
+
+def test_a_parameter_that_may_be_0_comes_back_from_a_file():
+    for method in (
+        DIS(finest_scale=0, mean_normalization=False),
+        Farneback(levels=0),
+        LucasKanade(max_level=0),
+    ):
+        assert flow_method(describe(method)) == method

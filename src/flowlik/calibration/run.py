@@ -18,7 +18,7 @@ from flowlik.covariates import covariate, of_components
 from flowlik.datasets.base import Sequence
 from flowlik.errors import CalibrationError
 from flowlik.families import ErrorFamily
-from flowlik.flow.base import DenseFlow, FlowMethod, Image, describe
+from flowlik.flow.base import DenseFlow, FlowMethod, Image, describe, method_for_pair
 from flowlik.flow.lucas_kanade import detect_corners
 from flowlik.likelihood import FlowLikelihood
 from flowlik.measurements import Measurements, measure, stratified_pixels
@@ -125,6 +125,7 @@ def pair_errors(
     signals : iterable of str
         Signals to measure besides.
     """
+    method = method_for_pair(method, sequence, k)
     m = measure(sequence.image(k), sequence.image(k + 1), method, texture, pixels, signals)
     column, row = np.rint(m.pixels).astype(int).T
     truth = sequence.flow(k)[row, column]

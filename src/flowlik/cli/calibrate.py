@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from flowlik.cli.options import Format, Json, Out, Seed, command_line, show_run
+from flowlik.cli.options import METHOD_HELP, Format, Json, Out, Seed, command_line, show_run
 
 
 def run(
     data: Annotated[list[Path], typer.Argument(help="Folders of sequences with true flow.")],
-    method: Annotated[str, typer.Option(help="Flow: farneback, farneback-wide or lucas-kanade.")],
+    method: Annotated[str, typer.Option(help=METHOD_HELP)],
     out: Out,
     family: Annotated[str, typer.Option(help="Family of the model: lcm, log-logistic or gaussian.")] = "lcm",
     format: Format = None,

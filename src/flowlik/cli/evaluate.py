@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from flowlik.cli.options import Format, Json, Out, Seed, command_line, show_run
+from flowlik.cli.options import Format, Json, Method, Out, Seed, command_line, show_run
 
 
 def run(
@@ -15,6 +15,7 @@ def run(
     data: Annotated[list[Path], typer.Argument(help="Folders of sequences with true flow.")],
     out: Out,
     format: Format = None,
+    method: Method = None,
     seed: Seed = 0,
     json: Json = False,
 ) -> None:
@@ -25,4 +26,4 @@ def run(
     from flowlik.commands.evaluate import evaluate
     from flowlik.progress import terminal_progress
 
-    show_run(evaluate(model, data, out, format, seed, command_line(), terminal_progress), json)
+    show_run(evaluate(model, data, out, format, method, seed, command_line(), terminal_progress), json)

@@ -18,9 +18,11 @@ if TYPE_CHECKING:
 
 Out = Annotated[Path, typer.Option("--out", "-o", help="Folder of the run: report, figures, metrics.")]
 Model = Annotated[Path | None, typer.Option("--model", "-m", help="Model file made by `flowlik calibrate`.")]
-Method = Annotated[
-    str | None, typer.Option("--method", help="Flow: farneback, farneback-wide or lucas-kanade.")
-]
+METHOD_HELP = (
+    "Flow: farneback, farneback-wide, lucas-kanade, lucas-kanade-11, dis, horn-schunck; "
+    "your own as package.module:object; or on disk as flow-files:LABEL=FOLDER."
+)
+Method = Annotated[str | None, typer.Option("--method", help=METHOD_HELP)]
 Format = Annotated[
     str | None, typer.Option("--format", help="Data format: kitti or tartanair; guessed by default.")
 ]

@@ -20,7 +20,7 @@ from flowlik.datasets import open_sequence
 from flowlik.evaluation import evidence
 from flowlik.evaluation.goodness import outside_range
 from flowlik.families import FAMILIES, error_family
-from flowlik.flow import flow_method
+from flowlik.flow import describe, flow_method, method_label
 from flowlik.flow.base import FlowMethod
 from flowlik.likelihood import FlowLikelihood
 from flowlik.model_file import save_likelihood
@@ -46,9 +46,9 @@ def calibrate(
     data : sequence of Path
         Folders of sequences.
     method : str
-        Name of a flow method's preset.
+        A flow method's name, as `flowlik.flow_method` takes it.
     out : Path
-        Run folder; the model is ``models/<method>.json``.
+        Run folder; the model is ``models/<method>.json``, with the method's `method_label`.
     family : str
         Family of the saved model; all are fitted, for comparison.
     format : str, optional
@@ -66,18 +66,19 @@ def calibrate(
         With the records of the fit on the very data it was made from.
     """
     flow = flow_method(method)
+    label = method_label(describe(flow))
     error_family(family)
     run = RunFolder(out, command, {"data": [str(d) for d in data], "method": method, "family": family}, seed)
     sequences = [open_sequence(folder, format) for folder in data]
     blocks = [block for sequence in sequences for block in split_blocks(sequence, seed)]
-    sketched = progress(sketch_blocks(blocks, [Task(flow)]), f"errors of {method}", len(blocks))
+    sketched = progress(sketch_blocks(blocks, [Task(flow)]), f"errors of {label}", len(blocks))
     sketches = [sketches[0] for sketches in sketched]
     names = ", ".join(sequence.name for sequence in sequences)
     fitted = fit_families(sketches, flow, {"data": names, "seed": seed})
     models = {family: fitted[family], **fitted}
-    add_evidence(run, sketches, models, names, label=method, seed=seed, split="calibration")
-    run.save("table", method, evidence.table(merge_all(sketches), models[family]))
-    save_likelihood(with_goodness(models[family], run.records), run.path / "models" / f"{method}.json")
+    add_evidence(run, sketches, models, names, label=label, seed=seed, split="calibration")
+    run.save("table", label, evidence.table(merge_all(sketches), models[family]))
+    save_likelihood(with_goodness(models[family], run.records), run.path / "models" / f"{label}.json")
     run.finish()
     return run
 
@@ -94,7 +95,7 @@ def fit_families(
 
 def with_goodness(likelihood: FlowLikelihood, records: Sequence[Record]) -> FlowLikelihood:
     """Likelihood whose file tells how well it fits the data it was calibrated on."""
-    name = (likelihood.method or {}).get("name")
+    name = method_label(likelihood.method or {})
     own = select(records, family=likelihood.family.name, flow=name)
     return replace(likelihood, goodness={**likelihood.goodness, **{r.metric: r.value for r in own}})
 

@@ -9,7 +9,7 @@ from flowlik.calibration import Task, sketch_blocks, split_blocks
 from flowlik.commands.calibrate import add_evidence
 from flowlik.datasets import open_sequence
 from flowlik.errors import DataError
-from flowlik.flow import flow_method
+from flowlik.flow import confirmed_method, method_label
 from flowlik.model_file import load_likelihood
 from flowlik.progress import Progress, no_progress
 from flowlik.runs import RunFolder
@@ -20,6 +20,7 @@ def evaluate(
     data: Sequence[Path],
     out: Path,
     format: str | None = None,
+    method: str | None = None,
     seed: int = 0,
     command: str = "flowlik evaluate",
     progress: Progress = no_progress,
@@ -36,6 +37,8 @@ def evaluate(
         Run folder.
     format : str, optional
         Data format; guessed by default.
+    method : str, optional
+        May only confirm the model's flow method; must, where that is an object or flow on disk.
     seed : int
         Seed of pixels and of the bootstrap.
     command : str
@@ -49,18 +52,18 @@ def evaluate(
         If a sequence cannot be read, lacks its truth, or has no errors to evaluate.
     """
     likelihood = load_likelihood(model)
-    method = flow_method(likelihood.method or {})
+    flow = confirmed_method(likelihood.method or {}, method)
     run = RunFolder(out, command, {"model": str(model), "data": [str(d) for d in data]}, seed)
     for folder in data:
         sequence = open_sequence(folder, format)
         blocks = split_blocks(sequence, seed)
         sketched = sketch_blocks(
-            blocks, [Task(method, (likelihood.schedule.index,), texture=likelihood.texture)]
+            blocks, [Task(flow, (likelihood.schedule.index,), texture=likelihood.texture)]
         )
         sketches = [s[0] for s in progress(sketched, f"errors on {sequence.name}", len(blocks))]
         if not any(s.total for s in sketches):
             raise DataError(f"{sequence.name}: no errors to evaluate (one image, no texture or no truth?)")
-        label = f"{method.name}-{sequence.name.replace('/', '-')}"
+        label = f"{method_label(likelihood.method or {})}-{sequence.name.replace('/', '-')}"
         models = {likelihood.family.name: likelihood}
         add_evidence(run, sketches, models, sequence.name, label, seed, 10_000, 1, split="evaluation")
     run.finish()

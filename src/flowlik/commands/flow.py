@@ -14,7 +14,7 @@ from flowlik.datasets.flow_files import read_flow
 from flowlik.errors import DataError
 from flowlik.evaluation.evidence import outside_warning
 from flowlik.files import atomic_write
-from flowlik.flow import flow_method
+from flowlik.flow import confirmed_method, describe, method_label
 from flowlik.flow.base import Image
 from flowlik.likelihood import FlowLikelihood
 from flowlik.measurements import Measurements, measure
@@ -48,7 +48,7 @@ def flow(
     truth : Path, optional
         True flow (.flo, KITTI PNG or .npy), to report coverage.
     method : str, optional
-        May only confirm the model's method.
+        May only confirm the model's method; must, where that is an object or flow on disk.
     confidence : float
         Of the intervals drawn.
     command : str
@@ -62,14 +62,14 @@ def flow(
         If the model is for another method than the one given.
     """
     likelihood = load_likelihood(model)
-    chosen = model_method(likelihood, method)
+    chosen = confirmed_method(likelihood.method or {}, method)
     image = read_grey(previous)
     signals = likelihood.schedule.index.signals
-    m = measure(image, read_grey(current), flow_method(chosen), likelihood.texture, signals=signals)
+    m = measure(image, read_grey(current), chosen, likelihood.texture, signals=signals)
     if not len(m):
         raise DataError(f"{previous}: no flow vector could be measured (no texture?)")
     true_flow = None if truth is None else _read_truth(truth, image.shape)
-    run = RunFolder(out, command, {"model": str(model), "confidence": confidence, "method": chosen})
+    run = RunFolder(out, command, {"model": str(model), "confidence": confidence, "method": describe(chosen)})
 
     x = likelihood.coordinate(m)
     half_width = likelihood.bound(x, confidence)
@@ -78,8 +78,7 @@ def flow(
     )
     if message := outside_warning(likelihood.schedule.outside(x), "this image"):
         run.warn(message)
-    label = str(chosen["name"])
-    run.save("uncertainty", label, _picture(image, m, half_width, confidence))
+    run.save("uncertainty", method_label(m.method), _picture(image, m, half_width, confidence))
     with atomic_write(run.path / "flow.npz", "wb") as file:
         np.savez_compressed(
             file, pixels=m.pixels, flow_px=m.flow, half_width_px=half_width, R_i_e=m.R_i_e,
@@ -87,17 +86,6 @@ def flow(
         )  # fmt: skip
     run.finish()
     return run
-
-
-def model_method(likelihood: FlowLikelihood, method: str | None) -> dict[str, object]:
-    """Flow method of a model, which a name given beside it may only confirm."""
-    from flowlik.errors import ModelError
-    from flowlik.flow.base import describe
-
-    recorded = likelihood.method or {}
-    if method is not None and describe(flow_method(method)) != recorded:
-        raise ModelError(f"the model is for the flow {recorded}, not for {method!r}: leave out --method")
-    return recorded
 
 
 def _read_truth(path: Path, shape: tuple[int, ...]) -> Array:
@@ -127,7 +115,7 @@ def _records(
             value,
             unit,
             dataset,
-            m.method["name"],
+            method_label(m.method),
             likelihood.family.name,
             likelihood.schedule.name,
             None,

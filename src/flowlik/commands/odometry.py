@@ -11,7 +11,6 @@ from typing import cast
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.commands.flow import model_method
 from flowlik.datasets import open_sequence
 from flowlik.datasets.base import Sequence
 from flowlik.egomotion import EgoMotion, Estimator, lcmsac, mle, ransac
@@ -20,7 +19,7 @@ from flowlik.evaluation.drift import relative_pose_errors
 from flowlik.evaluation.evidence import outside_warning
 from flowlik.evaluation.motion_records import status_records, trajectory_records, true_trajectory
 from flowlik.files import atomic_write
-from flowlik.flow import flow_method
+from flowlik.flow import confirmed_method, describe, flow_method, method_label
 from flowlik.flow.base import FlowMethod
 from flowlik.model_file import load_likelihood
 from flowlik.odometry import Odometry, ResidualKind, ScaleSource, features_of, run_odometry
@@ -58,7 +57,8 @@ def odometry(
     model : Path, optional
         Model file; needed for lcmsac and mle. It names the flow method.
     method : str, optional
-        Flow method for RANSAC without a model; beside a model it may only confirm it.
+        Flow method for RANSAC without a model; beside a model it may only confirm it, and must
+        where that is an object or flow on disk.
     estimator : {"lcmsac", "ransac", "mle"}
         Estimator.
     residual : {"depth", "epipolar"}, optional
@@ -92,7 +92,7 @@ def odometry(
         scale = "depth"
     config = {
         "data": str(data), "model": None if model is None else str(model), "estimator": estimator,
-        "residual": kind, "scale": scale, "gate": gate, "frames": frames,
+        "residual": kind, "scale": scale, "gate": gate, "frames": frames, "method": describe(flow),
     }  # fmt: skip
     count = len(sequence) if frames is None else min(frames, len(sequence))
     # a pose file that cannot be used is told before the work, not after it
@@ -139,7 +139,7 @@ def choose(
             raise DataError(f"--estimator {estimator} needs --model, a file that `flowlik calibrate` makes")
         return flow_method(method or "lucas-kanade"), ransac(gate=gate)
     likelihood = load_likelihood(model)
-    flow = flow_method(model_method(likelihood, method))
+    flow = confirmed_method(likelihood.method or {}, method)
     if estimator == "ransac":
         return flow, ransac(gate=gate)
     return flow, (lcmsac if estimator == "lcmsac" else mle)(likelihood, gate=gate)
@@ -169,8 +169,9 @@ def _records(
     seconds: float,
 ) -> list[Record]:
     family, schedule = estimator.likelihood.family.name, estimator.likelihood.schedule.name
+    name = method_label(describe(flow))
     base = Record(
-        "frames_per_second", len(motions) / seconds, "1/s", sequence.name, flow.name, family, schedule,
+        "frames_per_second", len(motions) / seconds, "1/s", sequence.name, name, family, schedule,
         estimator.name, len(motions), seed,
         protocol(**keys, includes="decoding, flow, estimation, compilation"),
     )  # fmt: skip
@@ -178,7 +179,7 @@ def _records(
     if truth is None:
         return records
     errors = trajectory_records(
-        estimated, truth, sequence.name, flow.name, family, schedule, estimator.name, seed, **keys
+        estimated, truth, sequence.name, name, family, schedule, estimator.name, seed, **keys
     )
     if keys["scale"] == "none":
         unscaled = "; " + protocol(reason="without a scale the trajectory has no unit of length")
@@ -192,6 +193,7 @@ def _records(
 def _figures(
     run: RunFolder, estimated: Trajectory, truth: Trajectory | None, name: str, flow: FlowMethod, metric: bool
 ) -> None:
+    label = method_label(describe(flow))
     origin = estimated.poses[0] if truth is None else truth.poses[0]
     positions = origin.apply(estimated.positions)[None]
     arrays = {
@@ -205,8 +207,8 @@ def _figures(
         steps = relative_pose_errors(estimated, truth)
         errors = {"translation": steps.translation_m[None], "rotation": steps.rotation_deg[None]}
         shown = {"names": arrays["names"], "timestamps": estimated.timestamps[1:], **errors}
-        run.save("frame-errors", flow.name, shown)
-    run.save("trajectories", flow.name, arrays)
+        run.save("frame-errors", label, shown)
+    run.save("trajectories", label, arrays)
 
 
 def _write_frames(path: Path, estimated: Trajectory, motions: list[EgoMotion]) -> None:

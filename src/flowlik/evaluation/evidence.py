@@ -20,6 +20,7 @@ from flowlik.evaluation.goodness import (
     nll_interval,
     outside_range,
 )
+from flowlik.flow import method_label
 from flowlik.likelihood import FlowLikelihood
 from flowlik.records import Record, protocol
 from flowlik.tables import magnitude_nodes
@@ -77,7 +78,7 @@ def goodness_records(
             counted_share=f"{ks.counted_share:.3f}",
         )
     )
-    method = (likelihood.method or {}).get("name")
+    method = method_label(likelihood.method) if likelihood.method else None
 
     def record(metric: str, value: float, unit: str, note: str) -> Record:
         return Record(
@@ -159,7 +160,7 @@ def distributions(sketch: ErrorSketch, likelihood: FlowLikelihood) -> dict[str, 
     edges[0] = 0.0  # the first bin holds all errors below it
     middles = 0.5 * (edges[:-1] + edges[1:])
     widths = np.diff(edges)
-    density = likelihood.family.pdf(centres, likelihood.theta(x)[:, :, None])
+    density = likelihood.family.pdf(centres, likelihood.schedule.theta(x)[:, :, None])
     levels, zs, empirical, fitted = [], [], [], []
     for low, high in SHOWN_LEVELS:
         inside = (x >= np.log(low)) & (x < np.log(high))

@@ -69,7 +69,7 @@ class KolmogorovSmirnov:
 @lru_cache(maxsize=16)
 def _model(likelihood: FlowLikelihood) -> tuple[Array, Array]:
     """Log-density at bin centres and distribution function of abs(z) at upper bin edges, both (X, Z)."""
-    theta = likelihood.theta(bin_centres(likelihood.schedule.index))[:, :, None]
+    theta = likelihood.schedule.theta(bin_centres(likelihood.schedule.index))[:, :, None]
     log_prob = likelihood.family.logpdf(magnitude_centres(), theta)
     return log_prob, likelihood.family.magnitude_cdf(magnitude_nodes()[1:], theta)
 

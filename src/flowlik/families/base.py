@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -60,21 +60,10 @@ class ErrorFamily(ABC):
 
     ``theta`` stacks the parameters along its first axis: shape (P,) or (P, ...), broadcast against z.
     A family says `parameters`, `logpdf`, `gradient`, `magnitude_cdf`, `sample_magnitude` and `start`.
-
-    Attributes
-    ----------
-    name : str
-        Name in model files and on the command line.
-    parameters : tuple of Parameter
-        In the order of theta.
-    interpolation : str
-        What a schedule interpolates between its knots: the ``"parameter"``, as in the paper, or the free
-        variable of its ``"link"``. A table stores parameters either way.
     """
 
     name: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
-    interpolation: ClassVar[Literal["parameter", "link"]] = "parameter"
 
     @abstractmethod
     def logpdf(self, z: ArrayLike, theta: Array) -> Array:

@@ -3,53 +3,166 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from flowlik.errors import ModelError
-from flowlik.flow.base import FlowMethod, describe
+from flowlik.flow.base import (
+    FlowMethod,
+    FlowOfPairs,
+    backward_method,
+    check_parameters,
+    describe,
+    method_for_pair,
+)
+from flowlik.flow.brought import CallableFeatures, CallableFlow, brought, find
+from flowlik.flow.dis import DIS
 from flowlik.flow.farneback import Farneback
+from flowlik.flow.horn_schunck import HornSchunck
 from flowlik.flow.lucas_kanade import LucasKanade, detect_corners
+from flowlik.flow.on_disk import FlowFiles
 
-METHODS: dict[str, Callable[..., FlowMethod]] = {"farneback": Farneback, "lucas-kanade": LucasKanade}
+METHODS: dict[str, Callable[..., FlowMethod]] = {
+    "dis": DIS,
+    "farneback": Farneback,
+    "horn-schunck": HornSchunck,
+    "lucas-kanade": LucasKanade,
+}
 
-# "farneback-wide": the other reading of the paper's list, window 15 and neighbourhood 5
+# "farneback-wide": the other reading of the paper's list, window 15 and neighbourhood 5;
+# "lucas-kanade-11": half the window, less blurred at depth edges
 PRESETS: dict[str, FlowMethod] = {
     "farneback": Farneback(),
     "farneback-wide": Farneback(window=15, poly_n=5),
     "lucas-kanade": LucasKanade(),
+    "lucas-kanade-11": LucasKanade(window=11),
+    "dis": DIS(),
+    "horn-schunck": HornSchunck(),
 }
 
 
+# methods that a file alone may not start: the user says where they are
+CONFIRMED: dict[str, Callable[..., FlowMethod]] = {"callable": CallableFlow, "flow-files": FlowFiles}
+
+
 def flow_method(description: str | Mapping[str, Any]) -> FlowMethod:
-    """Flow method of a preset's name, or of a model file's record ``{"name": ..., parameters}``.
+    """Flow method of a name, or of a model file's record ``{"name": ..., parameters}``.
+
+    Parameters
+    ----------
+    description : str or mapping
+        A preset's name; ``package.module:object``, a callable or flow method of one's own, which is imported
+        (see `CallableFlow`); or ``flow-files:LABEL=PATH``, flow on disk (see `FlowFiles`).
+
+    Raises
+    ------
+    ModelError
+        If name or parameters are unknown, an object cannot be imported or is no flow, or a record is of an
+        object or of flow on disk: these only the user may name, see `confirmed_method`.
+    """
+    if isinstance(description, str):
+        return _named(description)
+    method = _recorded(description)
+    if method.name in CONFIRMED:
+        raise ModelError(f"the flow {dict(description)} is not flowlik's own: {_advice(description)}")
+    return method
+
+
+def confirmed_method(record: Mapping[str, Any], given: str | None = None) -> FlowMethod:
+    """Flow method of a model's record, which a name given beside it may only confirm.
+
+    A model file starts no code of others: where it names an object or flow on disk, the same must be given.
+
+    Raises
+    ------
+    ModelError
+        If another method is given, or none where one must be.
+    """
+    if given is None:
+        return flow_method(record)
+    method = flow_method(given)
+    if describe(method) != dict(record):
+        raise ModelError(f"the model is for the flow {dict(record)}, not for {given!r}: {_advice(record)}")
+    return method
+
+
+def check_record(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Record of a method as `describe` makes it, with parameters left out at their defaults; imports nothing.
 
     Raises
     ------
     ModelError
         If name or parameters are unknown.
     """
-    if isinstance(description, str):
-        if description not in PRESETS:
-            raise ModelError(f"unknown flow method {description!r}: known are {', '.join(PRESETS)}")
-        return PRESETS[description]
-    parameters = dict(description)
+    return describe(_recorded(record))
+
+
+def method_label(record: Mapping[str, Any]) -> str:
+    """Short name of a method in results and file names: a preset's, an object's, a label's."""
+    presets = (name for name, preset in PRESETS.items() if describe(preset) == record)
+    own = str(record.get("object") or record.get("label") or record.get("name"))
+    return next(presets, own.replace(":", "."))
+
+
+def _named(name: str) -> FlowMethod:
+    kind, colon, rest = name.partition(":")
+    if kind == FlowFiles.name:
+        own, equals, path = rest.partition("=")
+        if not equals or not path:
+            raise ModelError(f"{name!r} does not say which flow it is and where: flow-files:LABEL=FOLDER")
+        return FlowFiles(own, Path(path))
+    if colon:
+        own_method = find(name)
+        # one of flowlik's own methods with other parameters needs no import to be found again
+        return own_method if type(own_method) in METHODS.values() else brought(name)
+    if name not in PRESETS:
+        others = "package.module:object, flow-files:LABEL=FOLDER"
+        raise ModelError(f"unknown flow method {name!r}: known are {', '.join(PRESETS)}, {others}")
+    return PRESETS[name]
+
+
+def _recorded(record: Mapping[str, Any]) -> FlowMethod:
+    """Make the method of a record; one to be confirmed is not ready to run."""
+    parameters = dict(record)
     name = parameters.pop("name", None)
     try:
-        method = METHODS[name](**parameters)
+        method = {**METHODS, **CONFIRMED}[name](**parameters)
     except (KeyError, TypeError):
-        raise ModelError(f"unknown flow method {dict(description)}: known are {', '.join(METHODS)}") from None
-    if not all(isinstance(v, int | float) and 0 < v < 1000 for v in parameters.values()):
-        raise ModelError(f"flow method {dict(description)}: parameters must be positive numbers")
+        raise ModelError(f"unknown flow method {dict(record)}: known are {', '.join(METHODS)}") from None
+    if not set(record) <= set(describe(method)):
+        raise ModelError(f"flow method {dict(record)}: not what a model file records of it")
+    if name in METHODS:
+        check_parameters(method)
     return method
 
 
+def _advice(record: Mapping[str, Any]) -> str:
+    """Which --method goes with a model."""
+    if record.get("name") == CallableFlow.name:
+        return f"give --method {record['object']} if you trust that code"
+    if record.get("name") == FlowFiles.name:
+        return f"give --method flow-files:{record['label']}=FOLDER"
+    return "leave out --method"
+
+
 __all__ = [
+    "DIS",
     "METHODS",
     "PRESETS",
+    "CallableFeatures",
+    "CallableFlow",
     "Farneback",
+    "FlowFiles",
     "FlowMethod",
+    "FlowOfPairs",
+    "HornSchunck",
     "LucasKanade",
+    "backward_method",
+    "check_record",
+    "confirmed_method",
     "describe",
     "detect_corners",
     "flow_method",
+    "method_for_pair",
+    "method_label",
 ]

@@ -4,17 +4,25 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import asdict
-from typing import Any, ClassVar, Protocol
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flowlik import _kernels
 from flowlik.camera import Array
-from flowlik.errors import DataError
+from flowlik.errors import DataError, ModelError
+
+if TYPE_CHECKING:
+    from flowlik.datasets.base import Sequence
 
 Image = NDArray[np.uint8]
+
+ZERO_ALLOWED = {"zero": True}
+"""Metadata of a field for a parameter that may be 0; others must be above it."""
+NOT_RECORDED = {"recorded": False}
+"""Metadata of a field that belongs to one machine or run, and so not to a model file."""
 
 
 class FlowMethod(Protocol):
@@ -27,13 +35,52 @@ class FlowMethod(Protocol):
         ...
 
     def measure_at(self, previous: Image, current: Image, pixels: Array) -> Array:
-        """Flow (N, 2) [px] at given pixels (N, 2); NaN where it fails."""
+        """Flow (N, 2) [px] at given pixels (N, 2), sub-pixel or whole; NaN where it fails or outside."""
         ...
 
 
 def describe(method: FlowMethod) -> dict[str, Any]:
     """Name and parameters of a method, as a model file records them."""
-    return {"name": method.name, **asdict(method)}  # type: ignore[call-overload]
+    recorded = [f.name for f in fields(method) if f.metadata.get("recorded", True)]  # type: ignore[arg-type]
+    return {"name": method.name, **{name: getattr(method, name) for name in recorded}}
+
+
+def check_parameters(method: FlowMethod) -> None:
+    """Raise ModelError unless a built-in method's parameters are numbers below 1000 of their kinds."""
+    for f in fields(method):  # type: ignore[arg-type]
+        value, default = getattr(method, f.name), cast(Any, f.default)
+        kind = type(default)
+        if not (type(value) is kind or (kind is float and type(value) is int)):
+            raise ModelError(f"flow method {method.name}: {f.name} must be of {kind.__name__}, not {value!r}")
+        if kind is not bool and not (0 < value < 1000 or (value == 0 and f.metadata.get("zero"))):
+            raise ModelError(
+                f"flow method {method.name}: {f.name} must be a positive number below 1000, not {value}"
+            )
+
+
+class FlowOfPairs(ABC):
+    """Part of a method whose flow comes with a sequence's frame numbers, not from the images alone."""
+
+    @abstractmethod
+    def for_pair(self, sequence: Sequence, k: int) -> FlowMethod:
+        """Return the method that gives the flow from frame k to k + 1; it is recorded as this one is."""
+
+    @abstractmethod
+    def backward(self) -> FlowMethod:
+        """Return the method that gives the flow from frame k + 1 to k of the same pair."""
+
+
+def method_for_pair(method: FlowMethod, sequence: Sequence, k: int) -> FlowMethod:
+    """Return the method to use from frame k to k + 1 of a sequence: the method itself, but for flow on disk.
+
+    Whoever measures a sequence calls this before each pair.
+    """
+    return method.for_pair(sequence, k) if isinstance(method, FlowOfPairs) else method
+
+
+def backward_method(method: FlowMethod) -> FlowMethod:
+    """Return the method for ``measure_at(current, previous, ends)``: itself, but for flow on disk."""
+    return method.backward() if isinstance(method, FlowOfPairs) else method
 
 
 def check_pair(previous: Image, current: Image) -> None:
@@ -52,12 +99,30 @@ def all_pixels(shape: tuple[int, ...]) -> Array:
     return np.stack([u.ravel(), v.ravel()], axis=-1).astype(np.float64)
 
 
+def as_dense(flow: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Flow (H, W, 2) of others as a dense method gives it: NaN in both components where not finite."""
+    with np.errstate(over="ignore"):
+        dense = flow.astype(np.float32)
+    dense[~np.isfinite(dense).all(axis=-1)] = np.nan
+    return dense
+
+
+def inside_image(pixels: Array, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Which positions (N, 2) lie within the outermost pixel centres of an image (H, W, ...); NaN does not."""
+    return np.asarray(((pixels >= 0) & (pixels <= [shape[1] - 1, shape[0] - 1])).all(axis=1))
+
+
 def sample_dense(flow: NDArray[np.float32], pixels: Array) -> Array:
-    """Dense flow (H, W, 2) at pixels (N, 2): exact at whole pixels, bilinear between."""
-    u, v = pixels[:, 0], pixels[:, 1]
+    """Dense flow (H, W, 2) at pixels (N, 2): exact at whole pixels, bilinear between, NaN outside."""
+    inside = inside_image(pixels, flow.shape)
+    if not inside.all():
+        sampled = np.full((len(pixels), 2), np.nan)
+        sampled[inside] = sample_dense(flow, pixels[inside])
+        return sampled
     whole = np.rint(pixels)
     if np.array_equal(whole, pixels):
-        return flow[v.astype(int), u.astype(int)].astype(np.float64)
+        u, v = whole.astype(int).T
+        return flow[v, u].astype(np.float64)
     return _kernels.bilinear(flow, np.ascontiguousarray(pixels, dtype=np.float64))
 
 
@@ -81,5 +146,8 @@ class DenseFlow(ABC):
         return all_pixels(previous.shape), self.dense(previous, current).reshape(-1, 2).astype(np.float64)
 
     def measure_at(self, previous: Image, current: Image, pixels: Array) -> Array:
-        """Flow (N, 2) [px] at given pixels (N, 2), bilinear between pixel centres."""
+        """Flow (N, 2) [px] at given pixels (N, 2), bilinear between pixel centres; NaN outside the image.
+
+        The whole image is measured on every call.
+        """
         return sample_dense(self.dense(previous, current), pixels)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.flow.base import DenseFlow, Image, check_pair
+from flowlik.flow.base import ZERO_ALLOWED, DenseFlow, Image, check_pair
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Farneback(DenseFlow):
     pyramid_scale : float
         Ratio of successive pyramid levels.
     levels : int
-        Pyramid levels.
+        Pyramid levels above the image itself.
     window : int
         Averaging window [px].
     iterations : int
@@ -34,7 +34,7 @@ class Farneback(DenseFlow):
 
     name: ClassVar[str] = "farneback"
     pyramid_scale: float = 0.5
-    levels: int = 5
+    levels: int = field(default=5, metadata=ZERO_ALLOWED)
     window: int = 5
     iterations: int = 5
     poly_n: int = 15

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import cv2
 import numpy as np
 
 from flowlik.camera import Array
-from flowlik.flow.base import Image, check_pair
+from flowlik.flow.base import ZERO_ALLOWED, Image, check_pair, inside_image
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class LucasKanade:
 
     name: ClassVar[str] = "lucas-kanade"
     window: int = 21
-    max_level: int = 3
+    max_level: int = field(default=3, metadata=ZERO_ALLOWED)
     iterations: int = 30
     epsilon_px: float = 0.01
 
@@ -43,9 +43,10 @@ class LucasKanade:
         return pixels, self.measure_at(previous, current, pixels)
 
     def measure_at(self, previous: Image, current: Image, pixels: Array) -> Array:
-        """Flow (N, 2) [px] at given pixels (N, 2); NaN where lost."""
+        """Flow (N, 2) [px] at given pixels (N, 2); NaN where lost, or outside the image."""
         check_pair(previous, current)
-        start = np.ascontiguousarray(pixels, dtype=np.float32).reshape(-1, 1, 2)
+        inside = inside_image(pixels, previous.shape)
+        start = np.where(inside[:, None], pixels, 0).astype(np.float32).reshape(-1, 1, 2)
         if len(start) == 0:
             return np.empty((0, 2))
         criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, self.iterations, self.epsilon_px)
@@ -55,7 +56,7 @@ class LucasKanade:
             maxLevel=self.max_level, criteria=criteria, minEigThreshold=1e-7,
         )  # fmt: skip
         flow = end.reshape(-1, 2).astype(np.float64) - start.reshape(-1, 2)
-        flow[status.ravel() == 0] = np.nan
+        flow[(status.ravel() == 0) | ~inside] = np.nan
         return flow
 
 

@@ -1,0 +1,130 @@
+"""Flow that is already on disk: one file for each image pair of a sequence."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flowlik.errors import DataError, ModelError
+from flowlik.flow.base import NOT_RECORDED, DenseFlow, FlowOfPairs, Image, as_dense, check_pair
+
+if TYPE_CHECKING:
+    from flowlik.datasets.base import Sequence
+
+SUFFIXES = (".flo", ".png", ".npy")
+LABEL = re.compile(r"\w[\w.-]*")
+
+
+@dataclass(frozen=True)
+class FlowFiles(DenseFlow, FlowOfPairs):
+    """Dense flow estimated elsewhere, in files: Middlebury .flo, KITTI 16-bit PNG or NumPy .npy.
+
+    The i-th file, by name and with numbers in it by value, is the flow of the i-th pair. In folders
+    ``forward`` and ``backward`` there may be the flow from frame k + 1 to k of each pair too.
+
+    Parameters
+    ----------
+    label : str
+        Which flow this is, such as ``raft-things``: all that a model file records.
+    path : Path, optional
+        Folder of a sequence's files, or of folders named as the sequences; or the one file of a pair.
+    back : Path, optional
+        File of the pair's backward flow, where `path` is a file.
+    """
+
+    name: ClassVar[str] = "flow-files"
+    label: str
+    path: Path | None = field(default=None, metadata=NOT_RECORDED)
+    back: Path | None = field(default=None, metadata=NOT_RECORDED)
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.label, str) and LABEL.fullmatch(self.label)):
+            raise ModelError(f"a label of flow files has letters, digits and . _ - only, not {self.label!r}")
+
+    def for_pair(self, sequence: Sequence, k: int) -> FlowFiles:
+        """Return the method that reads the file of frames k and k + 1.
+
+        Raises
+        ------
+        DataError
+            If there is not one file for each pair of the sequence.
+        """
+        path = self._path()
+        own = path / sequence.name.rsplit("/", 1)[-1]
+        pairs = len(sequence) - 1
+        return self._bound(own if own.is_dir() else path, pairs, k, f"{pairs + 1} images of {sequence.name}")
+
+    def backward(self) -> FlowFiles:
+        """Return the method that reads the backward flow of the pair.
+
+        Raises
+        ------
+        DataError
+            If there is none.
+        """
+        bound = self._of_two_images()
+        if bound.back is None:
+            raise DataError(
+                f"{bound.path}: flow files without backward flow, which this model needs "
+                "(one folder `forward` and one `backward` hold both)"
+            )
+        return replace(bound, path=bound.back, back=bound.path)
+
+    def dense(self, previous: Image, current: Image) -> NDArray[np.float32]:
+        """Flow (H, W, 2) [px] of every pixel, as the file says; NaN where unknown.
+
+        Raises
+        ------
+        DataError
+            If the file cannot be read, or is not of the images' size.
+        """
+        from flowlik.datasets.flow_files import read_flow
+
+        check_pair(previous, current)
+        path = self._of_two_images()._path()
+        flow = read_flow(path)
+        if flow.shape[:2] != previous.shape:
+            sizes = f"{flow.shape[1]}x{flow.shape[0]} for images of {previous.shape[1]}x{previous.shape[0]}"
+            raise DataError(f"{path}: flow of {sizes}")
+        return as_dense(flow)
+
+    def _path(self) -> Path:
+        if self.path is None:
+            raise DataError(f"flow files {self.label!r}: it is not said where they are")
+        if not self.path.exists():
+            raise DataError(f"{self.path}: no such file or folder of flow")
+        return self.path
+
+    def _of_two_images(self) -> FlowFiles:
+        """Return this, or the only file of its folder."""
+        return self._bound(self._path(), 1, 0, "two images alone")
+
+    def _bound(self, path: Path, pairs: int, k: int, of: str) -> FlowFiles:
+        """Return the method of file k of a folder; a file is the only one."""
+        if path.is_file() and pairs == 1:
+            return self
+        forward = [path] if path.is_file() else _files(path / "forward") or _files(path)
+        back = _files(path / "backward")
+        for files in (forward, back) if back else (forward,):
+            if len(files) != pairs:
+                where = files[0].parent if files else path
+                raise DataError(f"{where}: {len(files)} flow files, but {of} need {pairs}, one for each pair")
+        return replace(self, path=forward[k], back=back[k] if back else None)
+
+
+def _files(folder: Path) -> list[Path]:
+    """Flow files of a folder, if there is one, by name with numbers in it by value: 2 comes before 10."""
+    if not folder.is_dir():
+        return []
+    found = [path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and path.is_file()]
+    return sorted(found, key=_by_number)
+
+
+def _by_number(path: Path) -> list[tuple[int, str]]:
+    parts = re.split(r"(\d+)", path.name)
+    return [(int(part), "") if i % 2 else (0, part) for i, part in enumerate(parts)]
