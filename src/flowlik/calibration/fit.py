@@ -104,6 +104,18 @@ def fit(
     return schedule, convergence
 
 
+def fit_constant(sketch: ErrorSketch, family: ErrorFamily) -> tuple[Schedule, dict[str, float]]:
+    """Fit one set of parameters to all components, whatever their x; otherwise as `fit`."""
+    _, magnitude, share = _cells(sketch)
+    share = share.sum(axis=0, keepdims=True)
+    start = family.to_free(family.start(magnitude, share[0])[:, None])
+    free, iterations, gradient = _minimise(family, np.zeros(1), np.zeros(1), magnitude, share, 0.0, start)
+    theta = family.to_theta(free)
+    nll = float(-np.sum(share * family.logpdf(magnitude, theta[:, :, None])))
+    convergence = {"nll": nll, "iterations": float(iterations), "gradient": gradient, "smoothing": 0.0}
+    return Schedule.constant(theta[:, 0]), convergence
+
+
 def choose_smoothing(blocks: Sequence[ErrorSketch], family: ErrorFamily, knots: Array | None = None) -> float:
     """Smoothness prior [nat] of best held-out score: fitted to one half of the blocks, scored on the other.
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from flowlik.calibration.fit import choose_smoothing, fit
+from flowlik.calibration.fit import choose_smoothing, fit, fit_constant
 from flowlik.calibration.sketch import ErrorSketch, merge_all
 from flowlik.camera import Array
 from flowlik.covariates import covariate, of_components
@@ -224,6 +224,7 @@ def calibrate(
     provenance: dict[str, Any] | None = None,
     knots: Array | None = None,
     smoothing: float | None = None,
+    constant: bool = False,
 ) -> FlowLikelihood:
     """Likelihood of a flow method from the sketches of its errors.
 
@@ -243,6 +244,8 @@ def calibrate(
         Knots of x; by default placed by the data.
     smoothing : float, optional
         Smoothness prior [nat]; by default chosen by held-out score between blocks.
+    constant : bool
+        Whether one set of parameters shall hold for all components.
 
     Raises
     ------
@@ -252,9 +255,12 @@ def calibrate(
     if not sketches:
         raise CalibrationError("nothing to calibrate from: no image pairs")
     merged = merge_all(sketches)
-    if smoothing is None:
-        smoothing = choose_smoothing(sketches, family, knots)
-    schedule, convergence = fit(merged, family, knots, smoothing)
+    if constant:
+        schedule, convergence = fit_constant(merged, family)
+    else:
+        if smoothing is None:
+            smoothing = choose_smoothing(sketches, family, knots)
+        schedule, convergence = fit(merged, family, knots, smoothing)
     record = {
         **(provenance or {}),
         "components": merged.total,
