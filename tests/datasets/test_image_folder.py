@@ -68,12 +68,15 @@ def test_without_a_camera_it_is_asked_for(tmp_path):
 
 def test_times_come_from_a_rate_or_a_file(tmp_path):
     folder = make_folder(tmp_path)
+    timed = ImageFolder(folder, frames_per_second=20)
+    assert (timed.timestamp(3), timed.times_source) == (0.15, "frame/20s")
     assert open_sequence(folder, frames_per_second=20).timestamp(3) == 0.15
     for rate in (0, -1, float("nan"), float("inf")):
         with pytest.raises(DataError, match="frame rate"):
             ImageFolder(folder, frames_per_second=rate)
     (folder / "times.txt").write_text("0\n0.1\n0.3\n0.6\n")
-    assert ImageFolder(folder).timestamp(3) == 0.6
+    timed = ImageFolder(folder)
+    assert (timed.timestamp(3), timed.times_source) == (0.6, "times.txt")
     (folder / "times.txt").write_text("0\n0.1\n")
     with pytest.raises(DataError, match=r"times\.txt: 2 times for 4 images"):
         ImageFolder(folder)

@@ -1,6 +1,11 @@
+import re
+from pathlib import Path
+from typing import get_args
+
 import numpy as np
 import pytest
 
+from flowlik.cli.options import Format
 from flowlik.datasets import FORMATS, guess_format, open_sequence
 from flowlik.datasets.base import PairSequence, frame_pairs
 from flowlik.errors import DataError
@@ -59,6 +64,13 @@ def test_another_layout_is_one_error(tmp_path, name):
     for path in (tmp_path, tmp_path / "a/deep/i.png", tmp_path / "none"):
         with pytest.raises(DataError, match=str(path)):
             open_sequence(path, name)
+
+
+def test_help_and_documentation_name_every_format():
+    documented = (Path(__file__).parents[2] / "docs/datasets.md").read_text()
+    for name in FORMATS:
+        assert f"`{name}`" in documented
+        assert re.search(rf"[ ,]{name}[,. ]", get_args(Format)[1].help)
 
 
 def test_pairs_of_any_length():

@@ -33,6 +33,11 @@ class ImageFolder(FrameFiles):
     frames_per_second : float, optional
         Frame rate [Hz]; by default 1, so that times are frame numbers.
 
+    Attributes
+    ----------
+    times_source : str
+        ``times.txt``, or such as ``frame/10s``.
+
     Raises
     ------
     DataError
@@ -59,6 +64,8 @@ class ImageFolder(FrameFiles):
         self._times_s = read_times(path) if path.is_file() else None
         if self._times_s is not None and len(self._times_s) != len(files):
             raise DataError(f"{path}: {len(self._times_s)} times for {len(files)} images")
+        rate = f"frame/{self.frames_per_second:g}s"
+        self.times_source = rate if self._times_s is None else "times.txt"
 
     @property
     def camera(self) -> Pinhole:

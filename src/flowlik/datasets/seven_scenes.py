@@ -47,6 +47,8 @@ class SevenScenes(DepthFrames):
         If there are no images.
     """
 
+    times_source = f"frame/{FRAMES_PER_SECOND:g}s"
+
     def __init__(self, folder: Path | str, camera: CameraLike | None = None) -> None:
         self.folder = Path(folder)
         if not self.folder.is_dir():

@@ -60,6 +60,7 @@ class Video(Lacking):
         self._claimed = float(capture.get(cv2.CAP_PROP_FRAME_COUNT))
         rate = capture.get(cv2.CAP_PROP_FPS) if frames_per_second is None else check_rate(frames_per_second)
         self._rate = rate if 0 < rate < float("inf") else None
+        self.times_source = None if self._rate is None else f"frame/{self._rate:g}s"
         self._capture = capture
         first = self._read(0)
         if first is None:
