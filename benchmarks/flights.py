@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from flowlik.calibration import Block
 from flowlik.camera import Pinhole
 from flowlik.datasets.base import frame_index
 from flowlik.files import atomic_write
@@ -38,7 +39,7 @@ class Flight:
 class Runs:
     """Frames of a flight from the cache: runs of neighbouring frames with their true flow, depth and poses.
 
-    Frame k and k + 1 belong together only within a run; `firsts` says which k do.
+    Frames k and k + 1 belong together only within a run, as `blocks` has them.
     """
 
     def __init__(self, path: Path) -> None:
@@ -50,10 +51,9 @@ class Runs:
             width, height, *intrinsics = data["cam"]
             self.camera = Pinhole(int(width), int(height), *map(float, intrinsics))
 
-    @property
-    def firsts(self) -> list[int]:
-        """First frames of all pairs."""
-        return [k for k in range(len(self) - 1) if (k + 1) % self.run]
+    def blocks(self, seed: int) -> list[Block]:
+        """One block a run, so that no pair spans two places."""
+        return [Block(self, range(k, k + self.run - 1), seed + k) for k in range(0, len(self), self.run)]
 
     def __len__(self) -> int:
         return len(self._images)

@@ -1,7 +1,7 @@
 """Learning an index: weights of log-covariates and their table together, by maximum likelihood.
 
-The index x = w^T phi is the coordinate of a one-dimensional table theta(x; u), as ln t is the paper's; w and u
-minimise the same negative log-likelihood, the paper's Eq. (12), over the reservoirs of sketches.
+The index x = w^T phi is the coordinate of a one-dimensional table theta(x; u), as ln t is the paper's; w and
+u minimise the same negative log-likelihood, the paper's Eq. (12), over the reservoirs of sketches.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 from scipy.optimize import minimize
 
-from flowlik.calibration.fit import bend, OUTER_QUANTILE, SMOOTHING_NAT
+from flowlik.calibration.fit import OUTER_QUANTILE, SMOOTHING_NAT, bend
 from flowlik.calibration.sketch import ErrorSketch
 from flowlik.camera import Array
 from flowlik.covariates import covariate
@@ -51,7 +51,11 @@ class Rows:
 
 
 def learn_index(
-    rows: Rows, family: ErrorFamily, names: Sequence[str], products: bool = False, smoothing: float = SMOOTHING_NAT
+    rows: Rows,
+    family: ErrorFamily,
+    names: Sequence[str],
+    products: bool = False,
+    smoothing: float = SMOOTHING_NAT,
 ) -> Index:
     """Index of some covariates with the best likelihood, its x in ln px: about the logarithm of the error.
 
@@ -74,9 +78,11 @@ def learn_index(
         If there are fewer than 1000 components.
     """
     if len(rows.z) < 1000:
-        raise CalibrationError(f"{len(rows.z)} error components are too few to learn an index (1000 at least)")
+        raise CalibrationError(
+            f"{len(rows.z)} error components are too few to learn an index (1000 at least)"
+        )
     inputs = tuple(_input(name, rows.covariates[name]) for name in names)
-    terms = [(name,) for name in names]
+    terms: list[tuple[str, ...]] = [(name,) for name in names]
     if products:
         terms += list(combinations_with_replacement(names, 2))
     logs = {i.covariate: np.log(np.clip(rows.covariates[i.covariate], i.low, i.high)) for i in inputs}
@@ -103,7 +109,11 @@ def _input(name: str, values: Array) -> Input:
 
 
 def _expanded(
-    inputs: tuple[Input, ...], terms: list[tuple[str, ...]], weights: Array, offset: float, centre: dict[str, float]
+    inputs: tuple[Input, ...],
+    terms: list[tuple[str, ...]],
+    weights: Array,
+    offset: float,
+    centre: dict[str, float],
 ) -> Index:
     """Index over plain logarithms, of weights over centred ones."""
     linear = dict.fromkeys((i.covariate for i in inputs), 0.0)
@@ -129,12 +139,13 @@ def _fit_weights(phi: Array, z: Array, family: ErrorFamily, smoothing: float) ->
     gram = phi.T @ phi + 1e-3 * len(phi) * np.eye(phi.shape[1])
     first = np.linalg.solve(gram, phi.T @ (ln_error - ln_error.mean()))
     x = phi @ first
-    knots = np.linspace(*np.quantile(x, [OUTER_QUANTILE, 1 - OUTER_QUANTILE]), KNOTS)
+    low, high = np.quantile(x, [OUTER_QUANTILE, 1 - OUTER_QUANTILE])
+    knots = np.linspace(float(low), float(high), KNOTS)
     free = family.to_free(_first_table(family, magnitude, x, knots))
     shape, step = free.shape, knots[1] - knots[0]
 
     def objective(flat: Array) -> tuple[float, Array]:
-        free, weights = flat[: free_size].reshape(shape), flat[free_size:]
+        free, weights = flat[:free_size].reshape(shape), flat[free_size:]
         values = family.to_theta(free)
         position = (phi @ weights - knots[0]) / step
         i = np.clip(position.astype(np.intp), 0, KNOTS - 2)

@@ -15,7 +15,7 @@ from flowlik.calibration.fit import choose_smoothing, fit, fit_constant
 from flowlik.calibration.sketch import ErrorSketch, merge_all
 from flowlik.camera import Array
 from flowlik.covariates import covariate, of_components
-from flowlik.datasets.base import Sequence
+from flowlik.datasets.base import Sequence, frame_pairs
 from flowlik.errors import CalibrationError
 from flowlik.families import ErrorFamily
 from flowlik.flow.base import DenseFlow, FlowMethod, Image, describe, method_for_pair
@@ -31,11 +31,10 @@ BOOTSTRAP_BLOCKS = 40
 
 @dataclass(frozen=True)
 class Block:
-    """A run of frames of one sequence: the unit of parallel work."""
+    """A run of image pairs of one sequence, by their first frames: the unit of parallel work."""
 
     sequence: Sequence
-    first: int
-    last: int
+    firsts: range
     seed: int
 
 
@@ -83,11 +82,9 @@ class PairErrors:
 
 
 def split_blocks(sequence: Sequence, seed: int, frames: int = 10) -> list[Block]:
-    """Blocks of at most `frames` image pairs each; the first frame of a pair numbers it."""
-    pairs = len(sequence) - 1
-    return [
-        Block(sequence, first, min(first + frames, pairs), seed + first) for first in range(0, pairs, frames)
-    ]
+    """Blocks of at most `frames` image pairs each."""
+    firsts = frame_pairs(sequence)
+    return [Block(sequence, firsts[i : i + frames], seed + firsts[i]) for i in range(0, len(firsts), frames)]
 
 
 def calibration_pixels(previous: Image, method: FlowMethod, rng: np.random.Generator) -> Array | None:
@@ -148,7 +145,7 @@ def pair_errors(
 def sketch_block(block: Block, tasks: Seq[Task]) -> list[ErrorSketch]:
     """Sketches of a block of frames: for each task, one an index."""
     sketches = [ErrorSketch.empty(index, task.covariates) for task in tasks for index in task.indices]
-    for k in range(block.first, block.last):
+    for k in block.firsts:
         found = [
             sketch
             for i, task in enumerate(tasks)

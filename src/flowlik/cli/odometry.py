@@ -7,11 +7,22 @@ from typing import Annotated
 
 import typer
 
-from flowlik.cli.options import Format, Json, Method, Model, Out, Seed, command_line, show_run
+from flowlik.cli.options import (
+    Camera,
+    Format,
+    FrameRate,
+    Json,
+    Method,
+    Model,
+    Out,
+    Seed,
+    command_line,
+    show_run,
+)
 
 
 def run(
-    data: Annotated[Path, typer.Argument(help="Folder of a sequence.")],
+    data: Annotated[Path, typer.Argument(help="Folder of a sequence, or a video file.")],
     out: Out,
     model: Model = None,
     method: Method = None,
@@ -21,18 +32,24 @@ def run(
     gate: Annotated[float | None, typer.Option(help="Texture gate [intensity²/px²].")] = None,
     frames: Annotated[int | None, typer.Option(min=2, help="Only the first so many frames.")] = None,
     format: Format = None,
+    camera: Camera = None,
+    frames_per_second: FrameRate = None,
     seed: Seed = 0,
     json: Json = False,
 ) -> None:
     """Estimate the camera's trajectory, and its errors where the data set has poses.
 
-    Example: `flowlik odometry 03 --model run/models/lucas-kanade.json --scale truth-norm --out k03`
+    Examples
+    --------
+    `flowlik odometry 03 --model run/models/lucas-kanade.json --scale truth-norm --out k03`
+
+    `flowlik odometry walk.mp4 --camera 900,640,360 --model lucas-kanade.json --out walk`
     """
     from flowlik.commands.odometry import odometry
     from flowlik.progress import terminal_progress
 
     result = odometry(
         data, out, model, method, estimator, residual, scale, gate, frames, format, seed, command_line(),
-        terminal_progress,
+        terminal_progress, camera, frames_per_second,
     )  # fmt: skip
     show_run(result, json)

@@ -24,7 +24,19 @@ METHOD_HELP = (
 )
 Method = Annotated[str | None, typer.Option("--method", help=METHOD_HELP)]
 Format = Annotated[
-    str | None, typer.Option("--format", help="Data format: kitti or tartanair; guessed by default.")
+    str | None,
+    typer.Option(
+        "--format",
+        help="Data format, guessed by default: kitti, kitti-flow, tartanair, sintel, middlebury-flow, "
+        "middlebury-stereo, flying-chairs, seven-scenes, tum-rgbd, euroc, image-folder or video.",
+    ),
+]
+Camera = Annotated[
+    str | None,
+    typer.Option("--camera", help="f,cx,cy or fx,fy,cx,cy [px], for data without a camera of its own."),
+]
+FrameRate = Annotated[
+    float | None, typer.Option("--frames-per-second", help="Frame rate [Hz], for images without times.")
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the metrics as JSON on standard output.")]

@@ -45,13 +45,15 @@ def odometry(
     seed: int = 0,
     command: str = "flowlik odometry",
     progress: Progress = no_progress,
+    camera: str | None = None,
+    frames_per_second: float | None = None,
 ) -> RunFolder:
     """Estimate the trajectory of a sequence, and its errors where the data set has poses.
 
     Parameters
     ----------
     data : Path
-        Folder of a sequence.
+        Folder of a sequence, or a video file.
     out : Path
         Run folder: trajectory in KITTI's and TUM's format, ``frames.csv`` with each frame's status.
     model : Path, optional
@@ -77,6 +79,10 @@ def odometry(
         Command line that repeats the run.
     progress : Progress
         Told how far it is.
+    camera : str, optional
+        ``f,cx,cy`` or ``fx,fy,cx,cy`` [px], for data without a camera of its own.
+    frames_per_second : float, optional
+        Frame rate [Hz], for images without times.
 
     Raises
     ------
@@ -86,13 +92,14 @@ def odometry(
     flow, chosen = choose(estimator, model, method, gate)
     if scale not in ("none", "truth-norm"):
         raise DataError(f"unknown scale source {scale!r}: known are none, truth-norm")
-    sequence = open_sequence(data, format)
+    sequence = open_sequence(data, format, camera, frames_per_second)
     kind = _residual_kind(sequence, residual)
     if kind == "depth":
         scale = "depth"
     config = {
         "data": str(data), "model": None if model is None else str(model), "estimator": estimator,
         "residual": kind, "scale": scale, "gate": gate, "frames": frames, "method": describe(flow),
+        "camera": camera, "frames_per_second": frames_per_second,
     }  # fmt: skip
     count = len(sequence) if frames is None else min(frames, len(sequence))
     # a pose file that cannot be used is told before the work, not after it

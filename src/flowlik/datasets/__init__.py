@@ -3,65 +3,182 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Sequence as Seq
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from flowlik.datasets import layouts
 from flowlik.datasets.base import Sequence
 from flowlik.errors import DataError
 
+if TYPE_CHECKING:
+    from flowlik.camera import Pinhole
 
-def _open_kitti(folder: Path) -> Sequence:
+
+@dataclass(frozen=True)
+class Format:
+    """How a format is opened and recognised.
+
+    Attributes
+    ----------
+    open : callable
+        Opens a path, with those of ``options`` that are given; imports its reader when called.
+    fits : callable
+        Whether a path unmistakably has the format's layout.
+    layout : str
+        What is expected there, in words.
+    options : tuple of str
+        Of ``camera`` and ``frames_per_second``, those that the format takes.
+    """
+
+    open: Callable[..., Sequence]
+    fits: Callable[[Path], bool]
+    layout: str
+    options: tuple[str, ...] = ()
+
+
+def _open_kitti(path: Path) -> Sequence:
     from flowlik.datasets.kitti import KittiOdometry
 
-    return KittiOdometry(folder)
+    return KittiOdometry(path)
 
 
-def _open_tartanair(folder: Path) -> Sequence:
+def _open_tartanair(path: Path) -> Sequence:
     from flowlik.datasets.tartanair import TartanAir
 
-    return TartanAir(folder)
+    return TartanAir(path)
 
 
-FORMATS: dict[str, Callable[[Path], Sequence]] = {"kitti": _open_kitti, "tartanair": _open_tartanair}
-"""Format name to a function that opens a folder of it; each imports its reader when called."""
+def _open_sintel(path: Path) -> Sequence:
+    from flowlik.datasets.sintel import Sintel
 
-LAYOUTS = {"kitti": ("image_0", "image_2"), "tartanair": ("image_lcam_front",)}
-"""Folders of which a sequence of each format holds at least one."""
+    return Sintel(path)
 
 
-def guess_format(folder: Path | str) -> str:
-    """Name of the format whose layout a folder has.
+def _open_kitti_flow(path: Path) -> Sequence:
+    from flowlik.datasets.kitti_flow import KittiFlow
+
+    return KittiFlow(path)
+
+
+def _open_middlebury_flow(path: Path) -> Sequence:
+    from flowlik.datasets.middlebury import MiddleburyFlow
+
+    return MiddleburyFlow(path)
+
+
+def _open_middlebury_stereo(path: Path) -> Sequence:
+    from flowlik.datasets.middlebury import MiddleburyStereo
+
+    return MiddleburyStereo(path)
+
+
+def _open_flying_chairs(path: Path) -> Sequence:
+    from flowlik.datasets.flying_chairs import FlyingChairs
+
+    return FlyingChairs(path)
+
+
+def _open_seven_scenes(path: Path, **options: Any) -> Sequence:
+    from flowlik.datasets.seven_scenes import SevenScenes
+
+    return SevenScenes(path, **options)
+
+
+def _open_tum_rgbd(path: Path, **options: Any) -> Sequence:
+    from flowlik.datasets.tum_rgbd import TumRgbd
+
+    return TumRgbd(path, **options)
+
+
+def _open_euroc(path: Path) -> Sequence:
+    from flowlik.datasets.euroc import Euroc
+
+    return Euroc(path)
+
+
+def _open_image_folder(path: Path, **options: Any) -> Sequence:
+    from flowlik.datasets.image_folder import ImageFolder
+
+    return ImageFolder(path, **options)
+
+
+def _open_video(path: Path, **options: Any) -> Sequence:
+    from flowlik.datasets.video import Video
+
+    return Video(path, **options)
+
+
+_BOTH = ("camera", "frames_per_second")
+
+FORMATS: dict[str, Format] = {
+    "kitti-flow": Format(_open_kitti_flow, layouts.kitti_flow, "image_2, image_0 or colored_0 with flow_occ"),
+    "kitti": Format(_open_kitti, layouts.kitti, "image_0 or image_2"),
+    "tartanair": Format(_open_tartanair, layouts.tartanair, "image_lcam_front"),
+    "sintel": Format(_open_sintel, layouts.sintel, "frame_NNNN.png, the folder being training/clean/SCENE"),
+    "middlebury-flow": Format(_open_middlebury_flow, layouts.middlebury_flow, "frame10.png"),
+    "middlebury-stereo": Format(_open_middlebury_stereo, layouts.middlebury_stereo, "im0.png with disp0.pfm"),
+    "flying-chairs": Format(_open_flying_chairs, layouts.flying_chairs, "NNNNN_flow.flo"),
+    "seven-scenes": Format(_open_seven_scenes, layouts.seven_scenes, "frame-NNNNNN.color.png", ("camera",)),
+    "tum-rgbd": Format(_open_tum_rgbd, layouts.tum_rgbd, "rgb.txt with depth.txt", ("camera",)),
+    "euroc": Format(_open_euroc, layouts.euroc, "mav0/cam0"),
+    "video": Format(_open_video, layouts.video, "a file such as .mp4", _BOTH),
+    "image-folder": Format(_open_image_folder, layouts.image_folder, "images", _BOTH),
+}
+"""Formats by name, in the order in which they are tried on a folder: the more particular layout first."""
+
+
+def guess_format(path: Path | str) -> str:
+    """Name of the format whose layout a folder (or video file) has.
 
     Raises
     ------
     DataError
-        If the folder is missing, or has the layout of no known format.
+        If it is missing, or has the layout of no known format.
     """
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise DataError(f"{folder}: no such folder")
-    for name, parts in LAYOUTS.items():
-        if any((folder / part).is_dir() for part in parts):
+    path = Path(path)
+    if not path.exists():
+        raise DataError(f"{path}: no such folder")
+    for name, format in FORMATS.items():
+        if format.fits(path):
             return name
-    expected = "; ".join(f"{name}: {' or '.join(parts)}" for name, parts in LAYOUTS.items())
-    raise DataError(f"{folder}: not the folder of a known data set (expected inside it {expected})")
+    expected = "; ".join(f"{name}: {format.layout}" for name, format in FORMATS.items())
+    raise DataError(f"{path}: not the folder of a known data set (expected {expected})")
 
 
-def open_sequence(path: Path | str, format: str | None = None) -> Sequence:
-    """Open the folder of a sequence.
+def open_sequence(
+    path: Path | str,
+    format: str | None = None,
+    camera: Pinhole | str | Seq[float] | None = None,
+    frames_per_second: float | None = None,
+) -> Sequence:
+    """Open the folder of a sequence, or a video file.
 
     Parameters
     ----------
     path : Path or str
-        Folder.
+        Folder or file.
     format : str, optional
         A name in `FORMATS`; by default guessed from the layout.
+    camera : Pinhole, str or sequence of float, optional
+        Camera for a format without one of its own, or instead of its default: ``f,cx,cy`` or ``fx,fy,cx,cy``
+        [px].
+    frames_per_second : float, optional
+        Frame rate [Hz] for a format without times.
 
     Raises
     ------
     DataError
-        If the format is unknown, or the folder is not a sequence of it.
+        If the format is unknown, does not take what is given, or the folder is not a sequence of it.
     """
+    if format is not None and format not in FORMATS:
+        raise DataError(f"unknown data set format {format!r}, known are {', '.join(FORMATS)}")
     name = format or guess_format(path)
-    if name not in FORMATS:
-        raise DataError(f"unknown data set format {name!r}, known are {', '.join(FORMATS)}")
-    return FORMATS[name](Path(path))
+    options = {"camera": camera, "frames_per_second": frames_per_second}
+    given = {option: value for option, value in options.items() if value is not None}
+    for option in given:
+        if option not in FORMATS[name].options:
+            takers = ", ".join(n for n, f in FORMATS.items() if option in f.options)
+            raise DataError(f"{path}: format {name} has its own {option}, only {takers} take one")
+    return FORMATS[name].open(Path(path), **given)

@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from enum import IntFlag
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TypeVar, cast
 
 import cv2
 import numpy as np
@@ -14,9 +14,16 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.camera import Pinhole
-from flowlik.datasets._truncation import is_whole
+from flowlik.datasets._truncation import claimed_size, is_whole
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.motion import relative_motion
+
+MAX_PIXELS = 2**27
+"""Pixels an image may have; a header that claims more is taken for damage before memory is asked for."""
+
+MAX_FILE_BYTES = 2**30
+
+_T = TypeVar("_T", bound=np.generic)
 
 
 class Sequence(Protocol):
@@ -61,6 +68,23 @@ class Sequence(Protocol):
         ...
 
 
+class PairSequence:
+    """Base of data sets of isolated image pairs: frames 2i and 2i + 1 are a pair, and no others are.
+
+    Such a data set meets the `Sequence` protocol, but ``flow(k)`` is there for even k only, and images of
+    different pairs may differ in size. Walk over `frame_pairs` and both kinds are served.
+    """
+
+
+def frame_pairs(sequence: Sequence | PairSequence) -> range:
+    """First frames k of the image pairs (k, k + 1) of a sequence.
+
+    Every frame but the last begins one, or in a `PairSequence` every second frame.
+    """
+    frames = len(cast(Sequence, sequence))
+    return range(0, frames - 1, 2) if isinstance(sequence, PairSequence) else range(max(frames - 1, 0))
+
+
 def lacks(name: str, field: str) -> MissingFieldError:
     """Make the one error for a field that a data set does not have."""
     return MissingFieldError(f"{name}: this data set has no {field}")
@@ -89,14 +113,20 @@ def decode_image(path: Path | str, flags: int) -> NDArray:
     Raises
     ------
     DataError
-        If the file is missing, truncated or not an image.
+        If the file is missing, truncated or not an image, or its header claims more than `MAX_PIXELS`.
     """
     try:
+        if Path(path).stat().st_size > MAX_FILE_BYTES:
+            raise DataError(f"{path}: an image file of more than {MAX_FILE_BYTES >> 20} MiB is not read")
         data = Path(path).read_bytes()
     except FileNotFoundError as error:
         raise DataError(f"{path}: no such image file") from error
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+    width, height = claimed_size(data) or (0, 0)
+    if width * height > MAX_PIXELS:
+        found = f"its header claims {width} x {height} pixels"
+        raise DataError(f"{path}: {found}, more than the {MAX_PIXELS} an image may have")
     image = None
     if data and is_whole(data):
         with suppress(cv2.error):
@@ -104,6 +134,17 @@ def decode_image(path: Path | str, flags: int) -> NDArray:
     if image is None:
         raise DataError(f"{path}: not a readable image (truncated, damaged or not an image file)")
     return np.asarray(image)
+
+
+def of_size(values: NDArray[_T], shape: tuple[int, ...], path: Path, other: str) -> NDArray[_T]:
+    """Pass on values (H, W, ...) of a file; a DataError unless they have the size (H, W) of ``other``."""
+    if values.shape[:2] != shape[:2]:
+        raise DataError(f"{path}: {_size(values.shape)} pixels, but {other} has {_size(shape)}")
+    return values
+
+
+def _size(shape: tuple[int, ...]) -> str:
+    return " x ".join(map(str, shape[1::-1]))
 
 
 def frame_index(sequence: Sequence, k: int) -> int:

@@ -1,0 +1,98 @@
+"""A plain folder of images, in the order of their names."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from flowlik.camera import Pinhole
+from flowlik.datasets.base import frame_index, lacks
+from flowlik.datasets.frames import FrameFiles
+from flowlik.datasets.intrinsics import CameraLike, given_camera
+from flowlik.datasets.layouts import IMAGE_SUFFIXES
+from flowlik.errors import DataError
+from flowlik.trajectory import read_times
+
+CAMERA_HINT = "camera (give one: f,cx,cy or fx,fy,cx,cy in pixels)"
+
+
+class ImageFolder(FrameFiles):
+    """The images of one size in a folder, a `Sequence` without truth.
+
+    They are taken in the order of their names, in which numbers count as numbers (``2.png`` before
+    ``10.png``). Times are those of ``times.txt`` (one [s] a row) if there is one in the folder, else frame /
+    frame rate.
+
+    Parameters
+    ----------
+    folder : Path or str
+        Folder.
+    camera : Pinhole, str or sequence of float, optional
+        Camera of every image, free of distortion: ``f,cx,cy`` or ``fx,fy,cx,cy`` [px]. Without it `camera`
+        raises.
+    frames_per_second : float, optional
+        Frame rate [Hz]; by default 1, so that times are frame numbers.
+
+    Attributes
+    ----------
+    times_source : str
+        ``times.txt``, or such as ``frame/10s``.
+
+    Raises
+    ------
+    DataError
+        If there are no images, the camera does not fit, the frame rate is not positive, or times do not
+        increase or are not one an image.
+    """
+
+    def __init__(
+        self,
+        folder: Path | str,
+        camera: CameraLike | None = None,
+        frames_per_second: float | None = None,
+    ) -> None:
+        folder = Path(folder)
+        if not folder.is_dir():
+            raise DataError(f"{folder}: no such folder")
+        files = image_files(folder)
+        if not files:
+            raise DataError(f"{folder}: no images (files ending in {', '.join(sorted(IMAGE_SUFFIXES))})")
+        super().__init__(f"image-folder/{folder.resolve().name}", files)
+        self._camera = None if camera is None else given_camera(camera, self.shape)
+        self.frames_per_second = check_rate(1.0 if frames_per_second is None else frames_per_second)
+        path = folder / "times.txt"
+        self._times_s = read_times(path) if path.is_file() else None
+        if self._times_s is not None and len(self._times_s) != len(files):
+            raise DataError(f"{path}: {len(self._times_s)} times for {len(files)} images")
+        rate = f"frame/{self.frames_per_second:g}s"
+        self.times_source = rate if self._times_s is None else "times.txt"
+
+    @property
+    def camera(self) -> Pinhole:
+        """The camera that was given."""
+        if self._camera is None:
+            raise lacks(self.name, CAMERA_HINT)
+        return self._camera
+
+    def timestamp(self, k: int) -> float:
+        """Return the time [s] of frame k."""
+        k = frame_index(self, k)
+        return k / self.frames_per_second if self._times_s is None else float(self._times_s[k])
+
+
+def image_files(folder: Path) -> list[Path]:
+    """Images of a folder in the order of their names, numbers as numbers."""
+    files = [path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES and path.is_file()]
+    return sorted((path for path in files if not path.name.startswith(".")), key=_natural)
+
+
+def check_rate(frames_per_second: float) -> float:
+    """Frame rate [Hz] as float; a DataError unless positive and finite."""
+    if not 0 < frames_per_second < float("inf"):
+        raise DataError(f"frame rate {frames_per_second}: must be positive [frames/s]")
+    return float(frames_per_second)
+
+
+def _natural(path: Path) -> tuple[list[tuple[int, str]], str]:
+    parts = re.split(r"([0-9]+)", path.name)
+    return [(int(part) if i % 2 else 0, "" if i % 2 else part) for i, part in enumerate(parts)], path.name

@@ -1,0 +1,69 @@
+"""KITTI flow 2012 and 2015: image pairs with sparse true flow."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flowlik.datasets.base import lacks, of_size
+from flowlik.datasets.flow_files import read_flow
+from flowlik.datasets.pairs import ImagePair, ImagePairs
+from flowlik.errors import DataError
+
+IMAGES = {"image_2": "2015", "image_0": "2012", "colored_0": "2012"}
+"""Image folders in the order of preference, each with the year of its benchmark."""
+
+TRUTH = ("flow_occ", "flow_noc")
+"""Folders of true flow: with occluded pixels, which are kept, else without."""
+
+
+class KittiFlow(ImagePairs):
+    """The pairs of the KITTI flow benchmark of 2012 or 2015 (Geiger, Menze), a `PairSequence`.
+
+    ``image_2`` (2015), ``image_0`` or ``colored_0`` (2012; grey is preferred) hold pairs ``NNNNNN_10.png``,
+    ``NNNNNN_11.png``, and ``flow_occ`` or ``flow_noc`` the flow (16-bit PNG, steps of 1/64 px). The truth is
+    that of a laser scanner, sparse, and mostly on the ground and near things; moving cars of 2015 are fitted
+    models.
+
+    Parameters
+    ----------
+    folder : Path or str
+        ``training``, or ``testing``, which has no truth.
+
+    Raises
+    ------
+    DataError
+        If there are no images, or one lacks its partner.
+    """
+
+    def __init__(self, folder: Path | str) -> None:
+        self.folder = Path(folder)
+        if not self.folder.is_dir():
+            raise DataError(f"{self.folder}: no such folder")
+        images = next((self.folder / name for name in IMAGES if (self.folder / name).is_dir()), None)
+        if images is None:
+            raise DataError(f"{self.folder}: no folder {' or '.join(IMAGES)}, not a KITTI flow folder")
+        firsts = sorted(images.glob("*_10.png"))
+        if not firsts:
+            raise DataError(f"{images}: no images NNNNNN_10.png")
+        truth = next((self.folder / name for name in TRUTH if (self.folder / name).is_dir()), None)
+        pairs = []
+        for first in firsts:
+            second = first.with_name(first.name.replace("_10.png", "_11.png"))
+            if not second.is_file():
+                raise DataError(f"{second}: no such image, the partner of {first.name}")
+            path = None if truth is None else truth / first.name
+            pairs.append(ImagePair(first, second, path))
+        super().__init__(f"kitti-flow/{IMAGES[images.name]}-{self.folder.resolve().name}", pairs)
+
+    def visible(self, k: int) -> NDArray[np.bool_]:
+        """Return which pixels (H, W) of frame k have true flow and stay in sight, those of ``flow_noc``."""
+        i = self.pair_index(k)
+        first = self.pairs[i].first
+        path = self.folder / "flow_noc" / first.name
+        if not path.is_file():
+            raise lacks(self.name, f"visibility for {first.name} (no {path})")
+        flow = of_size(read_flow(path), self._shape(i), path, first.name)
+        return np.asarray(np.isfinite(flow).all(axis=-1))

@@ -1,0 +1,93 @@
+"""Middlebury: optical flow pairs, and stereo pairs whose disparity is a flow."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flowlik.datasets.disparity import read_disparity
+from flowlik.datasets.layouts import STEREO_FILES
+from flowlik.datasets.pairs import ImagePair, ImagePairs, scene_folders
+from flowlik.errors import DataError
+
+
+class MiddleburyFlow(ImagePairs):
+    """Pairs of the Middlebury flow data set (Baker et al. 2011), a `PairSequence`.
+
+    A scene holds ``frame10.png``, ``frame11.png`` and ``flow10.flo``; in the original downloads the flow is
+    in ``../../other-gt-flow/<scene>``. The truth is dense, from hidden fluorescent texture or a renderer.
+
+    Parameters
+    ----------
+    folder : Path or str
+        One scene, or a folder of scenes.
+
+    Raises
+    ------
+    DataError
+        If there is no ``frame10.png``.
+    """
+
+    def __init__(self, folder: Path | str) -> None:
+        folder = Path(folder)
+        pairs = []
+        for scene in scene_folders(folder, "frame10.png"):
+            apart = scene.resolve().parent.parent / "other-gt-flow" / scene.resolve().name / "flow10.flo"
+            truth = next((path for path in (scene / "flow10.flo", apart) if path.is_file()), None)
+            pairs.append(ImagePair(scene / "frame10.png", scene / "frame11.png", truth))
+        super().__init__(f"middlebury-flow/{folder.resolve().name}", pairs)
+
+
+class MiddleburyStereo(ImagePairs):
+    """Pairs of the Middlebury stereo data set of 2014 (Scharstein et al.), a `PairSequence`.
+
+    Left and right image of a rectified pair are its first and second frame. The truth is the flow (-d, 0) of
+    the left disparity d, known to a fraction of a pixel, also where the right camera does not see the point.
+    The original's ``im0.png``, ``im1.png``, ``disp0.pfm`` are read, and ``*_left.png``, ``*_right.png``,
+    ``*_disp.npz``.
+
+    Parameters
+    ----------
+    folder : Path or str
+        One scene, or a folder of scenes.
+
+    Raises
+    ------
+    DataError
+        If there is no left image, or more than one in a scene.
+    """
+
+    def __init__(self, folder: Path | str) -> None:
+        folder = Path(folder)
+        if not folder.is_dir():
+            raise DataError(f"{folder}: no such folder")
+        pairs = _stereo_pairs(folder) or [
+            pair for scene in sorted(folder.iterdir()) if scene.is_dir() for pair in _stereo_pairs(scene)
+        ]
+        if not pairs:
+            expected = " or ".join(f"{left} with {truth}" for left, _, truth in STEREO_FILES)
+            raise DataError(
+                f"{folder}: no stereo pair, neither here nor in its folders (expected {expected})"
+            )
+        super().__init__(f"middlebury-stereo/{folder.resolve().name}", pairs)
+
+    def _read_truth(self, path: Path) -> NDArray[np.float64]:
+        disparity = read_disparity(path)
+        return np.stack([-disparity, np.where(np.isnan(disparity), np.nan, 0)], axis=-1)
+
+
+def _stereo_pairs(folder: Path) -> list[ImagePair]:
+    """The one pair of a scene, or none if there is no left image."""
+    for left, right, disparity in STEREO_FILES:
+        firsts = sorted(folder.glob(left))
+        if len(firsts) > 1:
+            raise DataError(f"{folder}: {len(firsts)} left images {left}, but a scene has one")
+        if firsts:
+            scene = firsts[0].name.removesuffix(left.lstrip("*"))
+            truth = folder / (scene + disparity.lstrip("*"))
+            return [
+                ImagePair(firsts[0], folder / (scene + right.lstrip("*")), truth if truth.is_file() else None)
+            ]
+    return []

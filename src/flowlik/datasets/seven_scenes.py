@@ -1,0 +1,98 @@
+"""Microsoft 7-Scenes: RGB-D frames of a Kinect with camera poses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import RigidTransform
+
+from flowlik.camera import Pinhole
+from flowlik.datasets.base import frame_index
+from flowlik.datasets.frames import DepthFrames, read_depth
+from flowlik.datasets.intrinsics import CameraLike, given_camera
+from flowlik.datasets.poses import rigid_transform
+from flowlik.errors import DataError
+from flowlik.files import read_table
+
+INTRINSICS = (585.0, 320.0, 240.0)
+"""Focal length and principal point [px] that the data set's authors give."""
+
+FRAMES_PER_SECOND = 30.0
+"""Nominal: the data set has no times."""
+
+MM_PER_M = 1000
+UNKNOWN = (0, 65535)
+
+
+class SevenScenes(DepthFrames):
+    """One sequence of 7-Scenes (Shotton et al. 2013), a `Sequence`.
+
+    ``frame-NNNNNN.color.png`` (or ``.jpg``), ``.depth.png`` (millimetres, 0 and 65535 unknown) and
+    ``.pose.txt`` (4 x 4, camera to world). **The truth is soft**: colour and depth come from two cameras that
+    are not registered, shutters roll, and poses are those of a tracker (KinectFusion); expect 1 to 2 px of
+    systematic error in the flow. Show it, but do not calibrate on it. Times are nominal, frame / 30 s.
+
+    Parameters
+    ----------
+    folder : Path or str
+        One sequence, e.g. ``chess/seq-01``.
+    camera : Pinhole, str or sequence of float, optional
+        By default that of ``camera-intrinsics.txt`` (3 x 3) if there is one, else 585, 320, 240.
+
+    Raises
+    ------
+    DataError
+        If there are no images.
+    """
+
+    times_source = f"frame/{FRAMES_PER_SECOND:g}s"
+
+    def __init__(self, folder: Path | str, camera: CameraLike | None = None) -> None:
+        self.folder = Path(folder)
+        if not self.folder.is_dir():
+            raise DataError(f"{self.folder}: no such folder")
+        files = sorted(path for kind in ("png", "jpg") for path in self.folder.glob(f"frame-*.color.{kind}"))
+        if not files:
+            raise DataError(f"{self.folder}: no images frame-NNNNNN.color.png, not a 7-Scenes sequence")
+        parts = self.folder.resolve().parts
+        scene = "-".join(parts[-2:]) if parts[-1].startswith("seq-") else parts[-1]
+        super().__init__(f"seven-scenes/{scene}", files)
+        if camera is None:
+            camera = _intrinsics(self.folder / "camera-intrinsics.txt")
+        self._camera = given_camera(camera, self.shape)
+
+    @property
+    def camera(self) -> Pinhole:
+        """The camera of every frame."""
+        return self._camera
+
+    def timestamp(self, k: int) -> float:
+        """Return the nominal time [s] of frame k."""
+        return frame_index(self, k) / FRAMES_PER_SECOND
+
+    def T_n_c(self, k: int) -> RigidTransform:
+        """Return the pose of frame k, which takes points in {c} to points in {n} [m]."""
+        path = self._beside(k, ".pose.txt")
+        rows, _ = read_table(path, 4, "4 numbers (a row of a 4 x 4 pose)")
+        if len(rows) != 4:
+            raise DataError(f"{path}: {len(rows)} rows, but a pose is 4 x 4")
+        return rigid_transform(rows, str(path))
+
+    def depth(self, k: int) -> NDArray[np.float64]:
+        """Return the measured depth (H, W) [m] along z; NaN where unknown."""
+        return read_depth(self._beside(k, ".depth.png"), self.shape, MM_PER_M, UNKNOWN)
+
+    def _beside(self, k: int, end: str) -> Path:
+        name = self.files[frame_index(self, k)].name
+        return self.folder / (name.partition(".color.")[0] + end)
+
+
+def _intrinsics(path: Path) -> CameraLike:
+    if not path.is_file():
+        return INTRINSICS
+    K, _ = read_table(path, 3, "3 numbers (a row of a 3 x 3 camera matrix)")
+    if K.shape != (3, 3) or K[0, 1] or K[1, 0] or not np.array_equal(K[2], [0, 0, 1]):
+        raise DataError(f"{path}: not a 3 x 3 camera matrix without skew")
+    return [K[0, 0], K[1, 1], K[0, 2], K[1, 2]]

@@ -1,0 +1,85 @@
+"""MPI-Sintel: one scene in one rendering pass, with true flow."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from flowlik.datasets.base import decode_image, frame_index, lacks, of_size
+from flowlik.datasets.flow_files import read_flow
+from flowlik.datasets.frames import FrameFiles
+from flowlik.errors import DataError
+
+PASSES = ("clean", "final", "albedo")
+
+
+class Sintel(FrameFiles):
+    """One scene of the MPI-Sintel flow data set (Butler et al. 2012), a `Sequence`.
+
+    ``training/{clean,final,albedo}/<scene>/frame_NNNN.png`` with, beside the pass, ``flow/<scene>/*.flo``
+    (exact, from the renderer), ``occlusions`` and ``invalid`` (masks, 0 where a pixel is fine). Occluded
+    pixels keep their flow, invalid ones become NaN. Without camera, times, poses and depth (Sintel's extra
+    download is not read).
+
+    Parameters
+    ----------
+    folder : Path or str
+        A scene of one pass, e.g. ``training/clean/alley_1``.
+
+    Raises
+    ------
+    DataError
+        If the folder is not such a scene, or its frames are not numbered without gaps.
+    """
+
+    def __init__(self, folder: Path | str) -> None:
+        folder = Path(folder)
+        if not folder.is_dir():
+            raise DataError(f"{folder}: no such folder")
+        files = sorted(folder.glob("frame_*.png"))
+        if not files:
+            raise DataError(
+                f"{folder}: no images frame_NNNN.png, expected one scene such as training/clean/alley_1"
+            )
+        for previous, current in pairwise(files):
+            if _number(current) != _number(previous) + 1:
+                raise DataError(f"{folder}: images are missing between {previous.name} and {current.name}")
+        self.scene, self.root = folder.resolve().name, folder.resolve().parent.parent
+        super().__init__(f"sintel/{self.scene}-{folder.resolve().parent.name}", files)
+
+    def flow(self, k: int) -> NDArray[np.float64]:
+        """Return the true flow (H, W, 2) [px] from frame k to k + 1; NaN where invalid."""
+        path = self._beside("flow", k, ".flo")
+        flow = of_size(read_flow(path), self.shape, path, "the image")
+        flow[self._mask("invalid", k)] = np.nan
+        return flow
+
+    def visible(self, k: int) -> NDArray[np.bool_]:
+        """Return which pixels (H, W) of frame k are not occluded in frame k + 1."""
+        return ~self._mask("occlusions", k)
+
+    def _mask(self, kind: str, k: int) -> NDArray[np.bool_]:
+        path = self._beside(kind, k, ".png")
+        mask = decode_image(path, cv2.IMREAD_GRAYSCALE)
+        return np.asarray(of_size(mask, self.shape, path, "the image") != 0)
+
+    def _beside(self, kind: str, k: int, suffix: str) -> Path:
+        """File of one kind for frame k."""
+        frame_index(self, k + 1)
+        path = self.root / kind / self.scene / (self.files[frame_index(self, k)].stem + suffix)
+        if not (self.root / "flow").is_dir():
+            raise lacks(self.name, f"true flow (no folder {self.root / 'flow'})")
+        if not path.is_file():
+            raise DataError(f"{path}: no such file, but {self.name} needs it for frame {k}")
+        return path
+
+
+def _number(path: Path) -> int:
+    digits = path.stem.removeprefix("frame_")
+    if not digits.isdecimal():
+        raise DataError(f"{path}: images must be named frame_NNNN.png")
+    return int(digits)

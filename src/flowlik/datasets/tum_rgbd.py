@@ -1,0 +1,121 @@
+"""TUM RGB-D: frames of a Kinect with poses of a motion-capture system."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import RigidTransform
+
+from flowlik.camera import Pinhole
+from flowlik.datasets.base import frame_index, lacks
+from flowlik.datasets.frames import DepthFrames, read_depth
+from flowlik.datasets.intrinsics import CameraLike, given_camera
+from flowlik.datasets.poses import mutual, nearest
+from flowlik.errors import DataError
+from flowlik.files import numbers, read_text
+from flowlik.trajectory import check_times, read_tum
+
+TOLERANCE_S = 0.02
+"""Image, depth and pose further apart in time are not of one frame."""
+
+UNITS_PER_M = 5000
+
+INTRINSICS = (525.0, 525.0, 319.5, 239.5)
+"""fx, fy, cx, cy [px]: ROS's default, which the data set's authors advise for images as they are."""
+
+FREIBURG_3 = (535.4, 539.2, 320.1, 247.6)
+"""fx, fy, cx, cy [px] of the freiburg3 sequences, whose images are free of distortion."""
+
+
+class TumRgbd(DepthFrames):
+    """One sequence of the TUM RGB-D benchmark (Sturm et al. 2012), a `Sequence`.
+
+    ``rgb.txt`` and ``depth.txt`` list times and files, ``groundtruth.txt`` poses (``t x y z qx qy qz qw``). A
+    frame is an image with the depth and the pose nearest in time, within 0.02 s; where either list is there,
+    images without such a partner are left out (so neighbouring frames may be further apart than the camera's
+    period: see `timestamp`), and a depth image serves one frame only. **The truth is soft**: depth and colour
+    are not taken at one instant, shutters roll, and the images of freiburg1 and freiburg2 have a lens
+    distortion that is not removed, as their authors advise, since depth is registered to them.
+
+    Parameters
+    ----------
+    folder : Path or str
+        One sequence, e.g. ``rgbd_dataset_freiburg3_long_office_household``.
+    camera : Pinhole, str or sequence of float, optional
+        By default 535.4, 539.2, 320.1, 247.6 where the folder's name contains ``freiburg3``, else the
+        authors' advice for the others, 525, 525, 319.5, 239.5.
+
+    Raises
+    ------
+    DataError
+        If a list is missing or malformed, or no image has its partners.
+    """
+
+    def __init__(self, folder: Path | str, camera: CameraLike | None = None) -> None:
+        self.folder = Path(folder)
+        if not self.folder.is_dir():
+            raise DataError(f"{self.folder}: no such folder")
+        scene = self.folder.resolve().name
+        times, files = _read_list(self.folder / "rgb.txt")
+        kept = np.ones(len(times), dtype=bool)
+        self._depths: list[Path] | None = None
+        self._poses: RigidTransform | None = None
+        depth_list, truth = self.folder / "depth.txt", self.folder / "groundtruth.txt"
+        if depth_list.is_file():
+            depth_times, depth_files = _read_list(depth_list)
+            depth_of = mutual(times, depth_times, TOLERANCE_S)
+            kept &= depth_of >= 0
+        if truth.is_file():
+            trajectory = read_tum(truth)
+            pose_of = nearest(times, trajectory.timestamps, TOLERANCE_S)
+            kept &= pose_of >= 0
+        if not kept.any():
+            raise DataError(f"{self.folder}: no image has depth and pose within {TOLERANCE_S} s")
+        if depth_list.is_file():
+            self._depths = [depth_files[i] for i in depth_of[kept]]
+        if truth.is_file():
+            self._poses = trajectory.poses[pose_of[kept]]
+        self._times = times[kept]
+        super().__init__(f"tum-rgbd/{scene}", [files[i] for i in np.flatnonzero(kept)])
+        default = FREIBURG_3 if "freiburg3" in scene else INTRINSICS
+        self._camera = given_camera(default if camera is None else camera, self.shape)
+
+    @property
+    def camera(self) -> Pinhole:
+        """The camera of every frame."""
+        return self._camera
+
+    def timestamp(self, k: int) -> float:
+        """Return the time [s] of the image of frame k."""
+        return float(self._times[frame_index(self, k)])
+
+    def T_n_c(self, k: int) -> RigidTransform:
+        """Return the true pose nearest in time to frame k, which takes points in {c} to points in {n} [m]."""
+        if self._poses is None:
+            raise lacks(self.name, "poses (groundtruth.txt)")
+        return self._poses[frame_index(self, k)]
+
+    def depth(self, k: int) -> NDArray[np.float64]:
+        """Return the measured depth (H, W) [m] along z nearest in time to frame k; NaN where unknown."""
+        if self._depths is None:
+            raise lacks(self.name, "depth (depth.txt)")
+        return read_depth(self._depths[frame_index(self, k)], self.shape, UNITS_PER_M)
+
+
+def _read_list(path: Path) -> tuple[NDArray[np.float64], list[Path]]:
+    """Times (N,) [s] and files of a list with rows ``timestamp filename``."""
+    times, files = [], []
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
+        words = line.partition("#")[0].split(maxsplit=1)
+        if not words:
+            continue
+        if len(words) != 2:
+            raise DataError(f"{path}, line {number}: expected a time [s] and a file name")
+        times += numbers(words[:1], f"{path}, line {number}")
+        files.append(path.parent / words[1].strip())
+    if not times:
+        raise DataError(f"{path}: empty, but expected rows of a time [s] and a file name")
+    check_times(np.array(times), str(path))
+    return np.array(times), files

@@ -1,0 +1,200 @@
+import cv2
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from flowlik.camera import Pinhole
+from flowlik.datasets import open_sequence
+from flowlik.datasets.euroc import Euroc
+from flowlik.datasets.euroc_files import read_sensor
+from flowlik.errors import DataError, MissingFieldError
+
+from .fakes import picture, save
+
+WIDTH, HEIGHT = 188, 120
+INTRINSICS = [114.7, 114.3, 91.8, 62.1]
+DISTORTION = [-0.283, 0.074, 0.0002, 1.8e-5]
+R_B_C = Rotation.from_euler("xyz", [10, -80, 90], degrees=True)
+P_B_C = np.array([-0.02, -0.06, 0.01])
+START_NS = 1403636579763555584
+
+SENSOR = """#Camera sensor.
+sensor_type: camera
+comment: a camera [of the left] # here
+
+# Sensor extrinsics wrt. the body-frame.
+T_BS:
+  cols: 4
+  rows: 4
+  data: [{}, {}, {}, {},
+         {}, {}, {}, {},
+         {}, {}, {}, {},
+         0.0, 0.0, 0.0, 1.0]
+
+# Camera specific definitions.
+rate_hz: 20
+resolution: [188, 120]
+camera_model: pinhole
+intrinsics: [114.7, 114.3, 91.8, 62.1] #fu, fv, cu, cv
+distortion_model: radial-tangential
+distortion_coefficients: [-0.283, 0.074, 0.0002, 1.8e-05]
+""".format(*np.column_stack([R_B_C.as_matrix(), P_B_C]).ravel())
+
+
+def scene(x, y):
+    """Grey level in a direction."""
+    return 120 + 60 * np.sin(9 * x + 2) * np.cos(7 * y)
+
+
+def distorted_image() -> np.ndarray:
+    """What the distorted camera sees of the scene; OpenCV's iterative inverse serves as reference."""
+    K = np.array([[INTRINSICS[0], 0, INTRINSICS[2]], [0, INTRINSICS[1], INTRINSICS[3]], [0, 0, 1]])
+    v, u = np.mgrid[:HEIGHT, :WIDTH].astype(np.float64)
+    pixels = np.dstack([u, v]).reshape(-1, 1, 2)
+    directions = cv2.undistortPoints(pixels, K, np.array(DISTORTION)).reshape(HEIGHT, WIDTH, 2)
+    return np.rint(scene(directions[..., 0], directions[..., 1])).astype(np.uint8)
+
+
+def body_pose(k: float) -> tuple[Rotation, np.ndarray]:
+    return Rotation.from_rotvec([0.1 * k, -0.2, 0.3 * k]), np.array([k, 2.0, -0.5 * k])
+
+
+def make_euroc(root, frames: int = 5):
+    """Five images at 20 Hz; poses from the second to the fourth."""
+    folder = root / "MH_09_easy"
+    rows = ["#timestamp [ns],filename"]
+    for k in range(frames):
+        stamp = START_NS + k * 50_000_000
+        save(
+            folder / f"mav0/cam0/data/{stamp}.png", distorted_image() if k == 1 else picture(k, WIDTH, HEIGHT)
+        )
+        rows.append(f"{stamp},{stamp}.png")
+    (folder / "mav0/cam0/data.csv").write_text("\r\n".join(rows) + "\r\n")
+    (folder / "mav0/cam0/sensor.yaml").write_text(SENSOR)
+    rows = ["#timestamp, p_RS_R_x [m], ..."]
+    for step in range(10, 31):  # 200 Hz
+        R, p = body_pose(step / 10)
+        values = [*p, *R.as_quat(scalar_first=True), *np.zeros(9)]
+        rows.append(",".join([str(START_NS + step * 5_000_000), *map(str, values)]))
+    (folder / "mav0/state_groundtruth_estimate0").mkdir()
+    (folder / "mav0/state_groundtruth_estimate0/data.csv").write_text("\n".join(rows) + "\n")
+    return folder
+
+
+def test_a_sequence_is_the_frames_that_have_poses(tmp_path):
+    sequence = open_sequence(make_euroc(tmp_path))
+    assert (sequence.name, len(sequence)) == ("euroc/MH_09_easy", 3)
+    assert sequence.camera == Pinhole(WIDTH, HEIGHT, *INTRINSICS)
+    assert sequence.timestamp(1) - sequence.timestamp(0) == pytest.approx(0.05, abs=1e-6)
+    assert sequence.timestamp(0) == pytest.approx((START_NS + 50_000_000) / 1e9, abs=1e-6)
+    in_camera = np.array([0.3, -0.2, 4])
+    for k in range(3):
+        R, p = body_pose(k + 1)
+        expected = R.apply(R_B_C.apply(in_camera) + P_B_C) + p
+        np.testing.assert_allclose(sequence.T_n_c(k).apply(in_camera), expected, atol=1e-9)
+    for read in (sequence.depth, sequence.flow):
+        with pytest.raises(MissingFieldError, match="euroc/MH_09_easy"):
+            read(0)
+
+
+def test_images_are_undistorted(tmp_path):
+    sequence = Euroc(make_euroc(tmp_path))
+    rays = sequence.camera.rays(sequence.camera.pixel_grid())
+    expected = scene(rays[:, 0], rays[:, 1]).reshape(HEIGHT, WIDTH)
+    assert np.abs(sequence.image(0) - expected).max() < 2
+    assert np.abs(distorted_image() - expected).max() > 30
+
+
+def test_without_poses_all_frames_are_there(tmp_path):
+    folder = make_euroc(tmp_path)
+    (folder / "mav0/state_groundtruth_estimate0/data.csv").unlink()
+    sequence = open_sequence(folder / "mav0")
+    assert (sequence.name, len(sequence)) == ("euroc/MH_09_easy", 5)
+    with pytest.raises(MissingFieldError, match="no poses"):
+        sequence.T_n_c(0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("camera_model: pinhole", "camera_model: omni", "camera_model is omni, only pinhole"),
+        ("radial-tangential", "equidistant", "only radial-tangential is read"),
+        ("intrinsics: [114.7, ", "intrinsics: [", "intrinsics holds 3 numbers, expected 4"),
+        ("intrinsics: [114.7", "intrinsics: [x", "intrinsics: 'x' is not a finite number"),
+        ("intrinsics: [114.7", "intrinsics: [-1", "impossible camera"),
+        ("resolution: [188, 120]", "resolution: [188, 121]", "but sensor.yaml says 188 x 121"),
+        ("resolution: [188, 120]", "resolution: [188.5, 120]", "two positive whole numbers"),
+        ("resolution: [188, 120]", "resolution: 188", "no readable resolution"),
+        ("  data: [", "  data: 1 [", "no readable T_BS"),
+        ("0.0, 0.0, 0.0, 1.0]", "0.0, 0.0, 0.0, 2.0]", "T_BS: a rigid transform's last row"),
+        ("rate_hz: 20", "intrinsics: [1, 1, 1, 1]", "2 readable intrinsics"),
+        ("camera_model: pinhole", "", "no readable camera_model"),
+        (SENSOR, "", "no readable camera_model"),
+    ],
+)  # fmt: skip
+def test_bad_sensor_files(tmp_path, old, new, message):
+    folder = make_euroc(tmp_path)
+    assert old in SENSOR
+    (folder / "mav0/cam0/sensor.yaml").write_text(SENSOR.replace(old, new))
+    with pytest.raises(DataError, match=message):
+        Euroc(folder)
+
+
+@pytest.mark.parametrize(
+    ("table", "text", "message"),
+    [
+        ("cam0", "", "empty"),
+        ("cam0", "1\n", "line 1: 1 columns, but expected a time"),
+        ("cam0", "1.5,a.png\n", "'1.5' is not a time"),
+        ("cam0", "-1,a.png\n", "'-1' is not a time"),
+        ("cam0", "2,a.png\n1,b.png\n", "times must increase"),
+        ("cam0", "1,a.png\n", "no pose within 0.003 s"),
+        ("state_groundtruth_estimate0", "1,0,0,0,1,0,0\n", "7 columns"),
+        ("state_groundtruth_estimate0", "1,0,0,0,1,1,0,0\n", "not a unit quaternion"),
+        ("state_groundtruth_estimate0", "1,0,0,nan,1,0,0,0\n", "'nan' is not a finite number"),
+    ],
+)
+def test_bad_tables(tmp_path, table, text, message):
+    folder = make_euroc(tmp_path)
+    (folder / "mav0" / table / "data.csv").write_text(text)
+    with pytest.raises(DataError, match=rf"data\.csv.*{message}"):
+        Euroc(folder)
+
+
+def test_bad_folders_and_images(tmp_path):
+    folder = make_euroc(tmp_path)
+    sequence = Euroc(folder)
+    path = sequence.files[1]
+    save(path, picture(0, WIDTH + 1, HEIGHT))
+    with pytest.raises(DataError, match=rf"{path.name}: 189 x 120 pixels"):
+        sequence.image(1)
+    path.unlink()
+    with pytest.raises(DataError, match=rf"{path.name}: no such image"):
+        sequence.image(1)
+    with (folder / "mav0/cam0/sensor.yaml").open("a") as file:
+        file.write("#" * 2**14)
+    with pytest.raises(DataError, match="larger than a EuRoC"):
+        Euroc(folder)
+    (folder / "mav0/cam0/sensor.yaml").unlink()
+    with pytest.raises(DataError, match=r"sensor\.yaml: no such file"):
+        Euroc(folder)
+    with pytest.raises(DataError, match="no folder mav0/cam0"):
+        Euroc(tmp_path)
+    with pytest.raises(DataError, match="no such folder"):
+        Euroc(tmp_path / "none")
+
+
+@given(st.lists(st.tuples(st.floats(0, 1), st.text(max_size=3)), max_size=5))
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_damaged_sensor_files_end_in_one_error_at_worst(tmp_path, changes):
+    text = SENSOR
+    for where, what in changes:
+        at = int(where * len(text))
+        text = text[:at] + what + text[at + len(what) :]
+    (tmp_path / "sensor.yaml").write_bytes(text.encode(errors="ignore"))
+    try:
+        assert read_sensor(tmp_path / "sensor.yaml").T_b_c.shape == (4, 4)
+    except DataError as error:
+        assert "sensor.yaml" in str(error)
