@@ -222,6 +222,14 @@ def test_bad_tum_folders(tmp_path):
         TumRgbd(tmp_path / "none")
 
 
+def test_a_damaged_file_name_in_a_tum_list(tmp_path):
+    folder = make_tum(tmp_path)
+    text = (folder / "depth.txt").read_text().replace("depth/1", "depth/\0")
+    (folder / "depth.txt").write_text(text)
+    with pytest.raises(DataError, match="not the name of a file"):
+        TumRgbd(folder).depth(0)
+
+
 def test_nearest_is_what_a_search_over_all_finds():
     rng = np.random.default_rng(0)
     for n, m in [(1, 1), (5, 1), (1, 5), (50, 30)]:

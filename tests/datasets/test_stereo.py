@@ -1,4 +1,5 @@
 import io
+import struct
 import zipfile
 
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 from flowlik.datasets import open_sequence
 from flowlik.datasets.base import frame_pairs
 from flowlik.datasets.disparity import read_disparity
+from flowlik.datasets.flow_files import read_flow
 from flowlik.datasets.middlebury import MiddleburyStereo
 from flowlik.errors import DataError, MissingFieldError
 
@@ -27,6 +29,16 @@ def test_pfm_rows_run_upwards_in_either_byte_order(tmp_path, little):
 def test_pfm_bytes(tmp_path):
     (tmp_path / "d.pfm").write_bytes(b"Pf 1 2 -1\n" + np.array([1, 2], "<f4").tobytes())
     np.testing.assert_array_equal(read_disparity(tmp_path / "d.pfm"), [[2], [1]])
+
+
+@pytest.mark.parametrize("suffix", ["pfm", "flo"])
+def test_a_signalling_nan_is_unknown(tmp_path, suffix, recwarn):
+    values = np.array([0x7F800001, 0x3F800000], "<u4").tobytes()
+    header = b"Pf 1 2 -1\n" if suffix == "pfm" else b"PIEH" + struct.pack("<ii", 1, 1)
+    (tmp_path / f"d.{suffix}").write_bytes(header + values)
+    found = (read_disparity if suffix == "pfm" else read_flow)(tmp_path / f"d.{suffix}")
+    assert np.isnan(found.ravel()[-1])
+    assert not recwarn.list
 
 
 @pytest.mark.parametrize("write", [np.savez, np.savez_compressed])

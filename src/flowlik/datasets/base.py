@@ -123,6 +123,8 @@ def decode_image(path: Path | str, flags: int) -> NDArray:
         raise DataError(f"{path}: no such image file") from error
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+    except ValueError as error:  # a list of files that is damaged
+        raise DataError(f"{str(path)!r}: not the name of a file") from error
     width, height = claimed_size(data) or (0, 0)
     if width * height > MAX_PIXELS:
         found = f"its header claims {width} x {height} pixels"

@@ -37,7 +37,8 @@ def read_disparity(path: Path | str) -> Array:
         raise DataError(f"{path}: unknown disparity format, expected one of {', '.join(readers)}")
     if not path.is_file():
         raise DataError(f"{path}: no such disparity file")
-    values = readers[path.suffix.lower()](path).astype(np.float64)
+    with np.errstate(invalid="ignore"):  # a signalling NaN is as unknown as any other
+        values = readers[path.suffix.lower()](path).astype(np.float64)
     values[~np.isfinite(values)] = np.nan
     return values
 

@@ -94,7 +94,9 @@ def _read_flo(path: Path) -> Array:
     expected, found = 12 + 8 * width * height, path.stat().st_size
     if found != expected:
         raise DataError(f"{path}: {found} bytes, but {width} x {height} vectors take {expected} (truncated?)")
-    flow = np.fromfile(path, dtype="<f4", offset=12).reshape(height, width, 2).astype(np.float64)
+    values = np.fromfile(path, dtype="<f4", offset=12).reshape(height, width, 2)
+    with np.errstate(invalid="ignore"):  # a signalling NaN is as unknown as any other
+        flow = values.astype(np.float64)
     flow[np.abs(flow) >= FLO_UNKNOWN] = np.nan
     return flow
 
