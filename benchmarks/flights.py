@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.calibration import Block
+from flowlik.calibration import Block, ErrorSketch, Task, gather, sketch_blocks
 from flowlik.camera import Pinhole
 from flowlik.datasets.base import frame_index
 from flowlik.files import atomic_write
 
 FRAMES_PER_SECOND = 60
+BLOCKS_A_FLIGHT = 4
 
 
 @dataclass(frozen=True)
@@ -110,3 +111,19 @@ def _render(flight: Flight, path: Path, kitti_poses: Path | None) -> None:
             pose=np.array(pose), run=flight.run, cam=[c.width, c.height, c.fx, c.fy, c.cx, c.cy],
         )  # fmt: skip
     print(f"rendered {flight.name}: {len(images)} frames in {time.perf_counter() - start:.0f} s", flush=True)
+
+
+def errors_of(
+    flight: Flight, task: Task, cache: Path, kitti_poses: Path | None, label: str
+) -> list[list[ErrorSketch]]:
+    """Blocks of sketches of a flight's errors, a list for each index of the task; kept in the cache."""
+    folder = cache / "sketches" / f"{label}--{flight.name}"
+    paths = [sorted(folder.glob(f"{kind}-*.npz")) for kind in range(len(task.indices))]
+    if not all(paths):
+        blocks = rendered(flight, cache, kitti_poses).blocks(flight.seed)
+        kinds = gather(sketch_blocks(blocks, [task]), len(blocks), BLOCKS_A_FLIGHT)
+        for kind, sketches in enumerate(kinds):
+            for i, sketch in enumerate(sketches):
+                sketch.save(folder / f"{kind}-{i}.npz")
+        return kinds
+    return [[ErrorSketch.load(path) for path in of_kind] for of_kind in paths]

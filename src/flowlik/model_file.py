@@ -13,6 +13,7 @@ from flowlik.families import error_family
 from flowlik.files import atomic_write
 from flowlik.flow import check_record
 from flowlik.likelihood import FlowLikelihood
+from flowlik.models import shipped
 from flowlik.schedule import Schedule, index_of_values, index_values
 from flowlik.texture import TextureDefinition
 
@@ -91,15 +92,31 @@ def save_likelihood(likelihood: FlowLikelihood, path: Path | str) -> None:
         file.write(content.model_dump_json(indent=1) + "\n")
 
 
+def find_model(name: Path | str) -> Path:
+    """File of a shipped model's name, or the path itself; an existing file goes before a name.
+
+    Raises
+    ------
+    ModelError
+        If it is neither.
+    """
+    path = Path(name)
+    if path.exists() or path.suffix or len(path.parts) != 1:
+        return path
+    if path.name not in shipped():
+        raise ModelError(f"{path}: neither a model file nor a shipped model ({', '.join(shipped())})")
+    return shipped()[path.name]
+
+
 def load_likelihood(path: Path | str) -> FlowLikelihood:
-    """Read a likelihood from its JSON file; imports nothing that the file names.
+    """Read a likelihood from its JSON file, or the shipped one of a name such as ``"lucas-kanade"``.
 
     Raises
     ------
     ModelError
         If the file is missing, is not a model file, or its contents contradict one another.
     """
-    path = Path(path)
+    path = find_model(path)
     try:
         content = ModelFile.model_validate_json(path.read_bytes())
         family = error_family(content.family)

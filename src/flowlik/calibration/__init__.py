@@ -1,7 +1,9 @@
 """Calibration: errors against truth, their sketch, and the fit of a look-up table."""
 
 from flowlik.calibration.fit import bootstrap, choose_smoothing, fit, place_knots
+from flowlik.calibration.learn import Rows, learn_index
 from flowlik.calibration.run import (
+    BOOTSTRAP_BLOCKS,
     Block,
     Task,
     calibrate,
@@ -10,20 +12,35 @@ from flowlik.calibration.run import (
     sketch_blocks,
     split_blocks,
 )
+from flowlik.calibration.schedules import (
+    FLOW_INDEX,
+    SCHEDULES,
+    check_schedule,
+    index_covariates,
+    schedule_index,
+)
 from flowlik.calibration.sketch import ErrorSketch, merge_all
 
 __all__ = [
+    "BOOTSTRAP_BLOCKS",
+    "FLOW_INDEX",
+    "SCHEDULES",
     "Block",
     "ErrorSketch",
+    "Rows",
     "Task",
     "bootstrap",
     "calibrate",
+    "check_schedule",
     "choose_smoothing",
     "fit",
     "gather",
+    "index_covariates",
+    "learn_index",
     "merge_all",
     "pair_errors",
     "place_knots",
+    "schedule_index",
     "sketch_blocks",
     "split_blocks",
 ]

@@ -181,8 +181,10 @@ def sketch_blocks(
     yield from map(sketch_block, blocks, [tuple(tasks)] * len(blocks))
 
 
-def gather(sketches: Iterable[list[ErrorSketch]], total: int) -> list[list[ErrorSketch]]:
-    """Merge neighbouring blocks' sketches until at most 40 are left of each kind, for the bootstrap.
+def gather(
+    sketches: Iterable[list[ErrorSketch]], total: int, most: int = BOOTSTRAP_BLOCKS
+) -> list[list[ErrorSketch]]:
+    """Merge neighbouring blocks' sketches until so many are left of each kind, for the bootstrap.
 
     Memory thus does not grow with the number of frames.
 
@@ -192,6 +194,8 @@ def gather(sketches: Iterable[list[ErrorSketch]], total: int) -> list[list[Error
         From `sketch_blocks`.
     total : int
         How many blocks there are.
+    most : int
+        How many to leave.
 
     Returns
     -------
@@ -201,7 +205,7 @@ def gather(sketches: Iterable[list[ErrorSketch]], total: int) -> list[list[Error
     kinds: list[list[ErrorSketch]] = []
     group_of_last = -1
     for i, found in enumerate(sketches):
-        group = i * min(BOOTSTRAP_BLOCKS, total) // total
+        group = i * min(most, total) // total
         if not kinds:
             kinds = [[] for _ in found]
         for kind, sketch in zip(kinds, found):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from flowlik.cli import calibrate, drift, evaluate, flow, odometry, report, reproduce, simulate
+from flowlik.cli import calibrate, drift, evaluate, flow, models, odometry, report, reproduce, simulate
 
 app = typer.Typer(
     name="flowlik",
@@ -15,7 +15,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for module in (reproduce, simulate, calibrate, evaluate, flow, odometry, drift, report):
+for module in (reproduce, simulate, calibrate, evaluate, flow, odometry, drift, models, report):
     app.command(name=module.__name__.rsplit(".", 1)[-1])(module.run)
 
 

@@ -14,7 +14,15 @@ def run(
     data: Annotated[list[Path], typer.Argument(help="Folders of sequences with true flow.")],
     method: Annotated[str, typer.Option(help=METHOD_HELP)],
     out: Out,
-    family: Annotated[str, typer.Option(help="Family of the model: lcm, log-logistic or gaussian.")] = "lcm",
+    family: Annotated[
+        str, typer.Option(help="Family of the model: glc, lcm (the paper's), log-logistic, gaussian, ...")
+    ] = "glc",
+    schedule: Annotated[
+        str,
+        typer.Option(
+            help="What its parameters depend on: index (learned), texture (the paper's), flow, constant."
+        ),
+    ] = "index",
     format: Format = None,
     seed: Seed = 0,
     json: Json = False,
@@ -26,5 +34,5 @@ def run(
     from flowlik.commands.calibrate import calibrate
     from flowlik.progress import terminal_progress
 
-    result = calibrate(data, method, out, family, format, seed, command_line(), terminal_progress)
+    result = calibrate(data, method, out, family, schedule, format, seed, command_line(), terminal_progress)
     show_run(result, json)

@@ -11,7 +11,7 @@ from flowlik.cli.options import Format, Json, Method, Out, Seed, command_line, s
 
 
 def run(
-    model: Annotated[Path, typer.Argument(help="Model file.")],
+    model: Annotated[Path, typer.Argument(help="A shipped model's name or a model file.")],
     data: Annotated[list[Path], typer.Argument(help="Folders of sequences with true flow.")],
     out: Out,
     format: Format = None,

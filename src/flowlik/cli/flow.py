@@ -13,7 +13,9 @@ from flowlik.cli.options import Json, Method, Out, command_line, show_run
 def run(
     previous: Annotated[Path, typer.Argument(help="First image.")],
     current: Annotated[Path, typer.Argument(help="Second image.")],
-    model: Annotated[Path, typer.Option("--model", "-m", help="Model file; it names the flow method.")],
+    model: Annotated[
+        Path, typer.Option("--model", "-m", help="A shipped model or a file; it names the flow.")
+    ],
     out: Out,
     truth: Annotated[Path | None, typer.Option(help="True flow: .flo, KITTI .png or .npy.")] = None,
     method: Method = None,

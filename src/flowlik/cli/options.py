@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from flowlik.runs import RunFolder
 
 Out = Annotated[Path, typer.Option("--out", "-o", help="Folder of the run: report, figures, metrics.")]
-Model = Annotated[Path | None, typer.Option("--model", "-m", help="Model file made by `flowlik calibrate`.")]
+Model = Annotated[
+    Path | None,
+    typer.Option("--model", "-m", help="A shipped model's name, or a file made by `flowlik calibrate`."),
+]
 METHOD_HELP = (
     "Flow: farneback, farneback-wide, lucas-kanade, lucas-kanade-11, dis, horn-schunck; "
     "your own as package.module:object; or on disk as flow-files:LABEL=FOLDER."

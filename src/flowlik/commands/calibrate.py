@@ -7,9 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from flowlik.calibration import (
+    BOOTSTRAP_BLOCKS,
+    FLOW_INDEX,
     ErrorSketch,
     Task,
+    check_schedule,
+    gather,
+    index_covariates,
     merge_all,
+    schedule_index,
     sketch_blocks,
     split_blocks,
 )
@@ -27,13 +33,17 @@ from flowlik.model_file import save_likelihood
 from flowlik.progress import Progress, no_progress
 from flowlik.records import Record, select
 from flowlik.runs import RunFolder
+from flowlik.schedule import Index
+
+BEST_FAMILY, BEST_SCHEDULE = "glc", "index"
 
 
 def calibrate(
     data: Sequence[Path],
     method: str,
     out: Path,
-    family: str = "lcm",
+    family: str = BEST_FAMILY,
+    schedule: str = BEST_SCHEDULE,
     format: str | None = None,
     seed: int = 0,
     command: str = "flowlik calibrate",
@@ -44,13 +54,15 @@ def calibrate(
     Parameters
     ----------
     data : sequence of Path
-        Folders of sequences.
+        Folders of sequences; each counts alike when an index is learned.
     method : str
         A flow method's name, as `flowlik.flow_method` takes it.
     out : Path
         Run folder; the model is ``models/<method>.json``, with the method's `method_label`.
     family : str
         Family of the saved model; all are fitted, for comparison.
+    schedule : str
+        Schedule of the saved model, one of `flowlik.calibration.SCHEDULES`; the paper's is ``"texture"``.
     format : str, optional
         Data format; guessed by default.
     seed : int
@@ -63,22 +75,48 @@ def calibrate(
     Returns
     -------
     RunFolder
-        With the records of the fit on the very data it was made from.
+        With the records of the fits on the very data they were made from.
+
+    Raises
+    ------
+    CalibrationError
+        If family or schedule are unknown, or there is too little data.
     """
     flow = flow_method(method)
     label = method_label(describe(flow))
     error_family(family)
-    run = RunFolder(out, command, {"data": [str(d) for d in data], "method": method, "family": family}, seed)
+    check_schedule(schedule)
+    config = {"data": [str(d) for d in data], "method": method, "family": family, "schedule": schedule}
+    run = RunFolder(out, command, config, seed)
     sequences = [open_sequence(folder, format) for folder in data]
-    blocks = [block for sequence in sequences for block in split_blocks(sequence, seed)]
-    sketched = progress(sketch_blocks(blocks, [Task(flow)]), f"errors of {label}", len(blocks))
-    sketches = [sketches[0] for sketches in sketched]
+    task = Task(flow, (Index(), FLOW_INDEX), keep=index_covariates(flow))
+    most = max(2, BOOTSTRAP_BLOCKS // len(sequences))
+    populations = []
+    for sequence in sequences:
+        blocks = split_blocks(sequence, seed)
+        sketched = progress(sketch_blocks(blocks, [task]), f"{label} on {sequence.name}", len(blocks))
+        populations.append(gather(sketched, len(blocks), most))
     names = ", ".join(sequence.name for sequence in sequences)
-    fitted = fit_families(sketches, flow, {"data": names, "seed": seed})
-    models = {family: fitted[family], **fitted}
-    add_evidence(run, sketches, models, names, label=label, seed=seed, split="calibration")
-    run.save("table", label, evidence.table(merge_all(sketches), models[family]))
-    save_likelihood(with_goodness(models[family], run.records), run.path / "models" / f"{label}.json")
+    provenance: dict[str, object] = {"data": names, "seed": seed}
+    by_texture, by_flow = ([block for p in populations if p for block in p[kind]] for kind in (0, 1))
+    models = fit_families(by_texture, flow, provenance)
+    add_evidence(run, by_texture, models, names, label=label, seed=seed, split="calibration")
+    if schedule == "texture":
+        chosen, blocks_of_chosen = models[family], by_texture
+    else:
+        index = schedule_index(schedule, [p[0] for p in populations if p], index_covariates(flow))
+        blocks_of_chosen = by_flow if schedule == "flow" else [block.over(index) for block in by_texture]
+        constant = schedule == "constant"
+        chosen = fit_likelihood(
+            blocks_of_chosen, error_family(family), flow, provenance=provenance, constant=constant
+        )
+        shown = {family: chosen}
+        label_of_chosen = f"{label}-{schedule}"
+        add_evidence(
+            run, blocks_of_chosen, shown, names, label=label_of_chosen, seed=seed, split="calibration"
+        )
+    run.save("table", label, evidence.table(merge_all(blocks_of_chosen), chosen))
+    save_likelihood(with_goodness(chosen, run.records), run.path / "models" / f"{label}.json")
     run.finish()
     return run
 
@@ -96,7 +134,8 @@ def fit_families(
 def with_goodness(likelihood: FlowLikelihood, records: Sequence[Record]) -> FlowLikelihood:
     """Likelihood whose file tells how well it fits the data it was calibrated on."""
     name = method_label(likelihood.method or {})
-    own = select(records, family=likelihood.family.name, flow=name)
+    schedule = likelihood.schedule.name
+    own = select(records, family=likelihood.family.name, flow=name, schedule=schedule)
     return replace(likelihood, goodness={**likelihood.goodness, **{r.metric: r.value for r in own}})
 
 

@@ -1,0 +1,83 @@
+"""Calibrate the models that ship with flowlik and write them to `src/flowlik/models`.
+
+    python benchmarks/ship_models.py --cache CACHE --kitti-poses KITTI_POSES [--methods lucas-kanade ...]
+
+Flights are rendered once into CACHE (about half an hour on two cores). The `driving` world runs along true
+poses of KITTI odometry, of which nothing but the shape of the route enters.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from calibration_plan import CALIBRATION
+from flights import errors_of
+from flowlik.calibration import FLOW_INDEX, ErrorSketch, Task, calibrate, index_covariates, schedule_index
+from flowlik.evaluation.goodness import coverage, kolmogorov_smirnov, merge_all, negative_log_likelihood
+from flowlik.families import error_family
+from flowlik.flow import flow_method
+from flowlik.likelihood import FlowLikelihood
+from flowlik.model_file import save_likelihood
+from flowlik.schedule import Index
+
+METHODS = ("lucas-kanade", "lucas-kanade-11", "farneback", "dis", "horn-schunck")
+MODELS = Path(__file__).resolve().parents[1] / "src" / "flowlik" / "models"
+
+
+def measured(method: str, cache: Path, kitti_poses: Path | None) -> list[list[list[ErrorSketch]]]:
+    """Sketches of every calibration flight: over texture, and over the flow's magnitude."""
+    flow = flow_method(method)
+    task = Task(flow, (Index(), FLOW_INDEX), keep=index_covariates(flow))
+    return [errors_of(flight, task, cache, kitti_poses, method) for flight in CALIBRATION]
+
+
+def with_goodness(likelihood: FlowLikelihood, blocks: list[ErrorSketch]) -> FlowLikelihood:
+    """Likelihood whose file tells how well it fits its own calibration data."""
+    merged = merge_all(blocks)
+    ks = kolmogorov_smirnov(merged, likelihood, 10_000, 30)
+    figures = {
+        "nll": negative_log_likelihood(merged, likelihood),
+        "ks_median": ks.median,
+        "ks_max": ks.maximum,
+        "coverage_90": coverage(merged, likelihood, 0.9),
+    }
+    return replace(likelihood, goodness={**likelihood.goodness, **figures})
+
+
+def ship(method: str, cache: Path, kitti_poses: Path | None, out: Path) -> None:
+    """Calibrate and write the two models of a method."""
+    start = time.perf_counter()
+    flights = measured(method, cache, kitti_poses)
+    by_texture = [block for flight in flights for block in flight[0]]
+    flow = flow_method(method)
+    provenance = {
+        "data": ", ".join(flight.name for flight in CALIBRATION),
+        "command": "python benchmarks/ship_models.py",
+        "sensor": "default",
+    }
+    index = schedule_index("index", [flight[0] for flight in flights], index_covariates(flow))
+    over = [block.over(index) for block in by_texture]
+    for name, family, blocks in ((method, "glc", over), (f"{method}-lcm", "lcm", by_texture)):
+        model = calibrate(blocks, error_family(family), flow, provenance=provenance)
+        save_likelihood(with_goodness(model, blocks), out / f"{name}.json")
+        print(name, model.goodness["fit"], f"{time.perf_counter() - start:.0f} s", flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--cache", type=Path, required=True)
+    parser.add_argument("--kitti-poses", type=Path)
+    parser.add_argument("--methods", nargs="+", choices=METHODS, default=METHODS)
+    parser.add_argument("--out", type=Path, default=MODELS)
+    options = parser.parse_args()
+    for method in options.methods:
+        ship(method, options.cache, options.kitti_poses, options.out)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,16 @@
+"""Calibrated likelihoods that ship with flowlik: each a model file with its provenance.
+
+``NAME.json`` is the best (a learned index), ``NAME-lcm.json`` the paper's Laplace-Cauchy mixture over
+texture; NAME is that of a flow method. `benchmarks/ship_models.py` makes them.
+"""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+
+
+def shipped() -> dict[str, Path]:
+    """Files of the shipped models by name, in alphabetical order."""
+    folder = Path(str(files(__name__)))
+    return {path.stem: path for path in sorted(folder.glob("*.json"))}
