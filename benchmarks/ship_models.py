@@ -15,8 +15,16 @@ from pathlib import Path
 
 from calibration_plan import CALIBRATION
 from flights import errors_of
-from flowlik.calibration import FLOW_INDEX, ErrorSketch, Task, calibrate, index_covariates, schedule_index
-from flowlik.evaluation.goodness import coverage, kolmogorov_smirnov, merge_all, negative_log_likelihood
+from flowlik.calibration import (
+    FLOW_INDEX,
+    ErrorSketch,
+    Task,
+    calibrate,
+    index_covariates,
+    merge_all,
+    schedule_index,
+)
+from flowlik.evaluation.goodness import coverage, kolmogorov_smirnov, negative_log_likelihood
 from flowlik.families import error_family
 from flowlik.flow import flow_method
 from flowlik.likelihood import FlowLikelihood
