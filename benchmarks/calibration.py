@@ -43,7 +43,7 @@ from flowlik.flow import flow_method
 from flowlik.likelihood import FlowLikelihood
 from flowlik.records import Record, protocol, write_records
 from flowlik.schedule import Index
-from ship_models import METHODS
+from ship_models import DENSE_PIXELS, METHODS
 
 REAL = {
     "Sintel alley_1 clean": "flow/sintel/training/clean/alley_1",
@@ -76,7 +76,7 @@ class Options:
 
 def task_of(method: str, indices: tuple[Index, ...] = (Index(), FLOW_INDEX)) -> Task:
     flow = flow_method(method)
-    return Task(flow, indices, keep=index_covariates(flow))
+    return Task(flow, indices, index_covariates(flow), pixels=DENSE_PIXELS)
 
 
 def models_of(

@@ -31,6 +31,7 @@ from flowlik.likelihood import FlowLikelihood
 from flowlik.model_file import save_likelihood
 from flowlik.schedule import Index
 
+DENSE_PIXELS = 20_000
 METHODS = ("lucas-kanade", "lucas-kanade-11", "farneback", "dis", "horn-schunck")
 MODELS = Path(__file__).resolve().parents[1] / "src" / "flowlik" / "models"
 
@@ -38,7 +39,7 @@ MODELS = Path(__file__).resolve().parents[1] / "src" / "flowlik" / "models"
 def measured(method: str, cache: Path, kitti_poses: Path | None) -> list[list[list[ErrorSketch]]]:
     """Sketches of every calibration flight: over texture, and over the flow's magnitude."""
     flow = flow_method(method)
-    task = Task(flow, (Index(), FLOW_INDEX), keep=index_covariates(flow))
+    task = Task(flow, (Index(), FLOW_INDEX), index_covariates(flow), pixels=DENSE_PIXELS)
     return [errors_of(flight, task, cache, kitti_poses, method) for flight in CALIBRATION]
 
 

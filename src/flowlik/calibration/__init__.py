@@ -1,6 +1,6 @@
 """Calibration: errors against truth, their sketch, and the fit of a look-up table."""
 
-from flowlik.calibration.fit import bootstrap, choose_smoothing, fit, place_knots
+from flowlik.calibration.fit import SMOOTHING_NAT, bootstrap, choose_smoothing, fit, place_knots
 from flowlik.calibration.learn import Rows, learn_index
 from flowlik.calibration.run import (
     BOOTSTRAP_BLOCKS,
@@ -25,6 +25,7 @@ __all__ = [
     "BOOTSTRAP_BLOCKS",
     "FLOW_INDEX",
     "SCHEDULES",
+    "SMOOTHING_NAT",
     "Block",
     "ErrorSketch",
     "Rows",

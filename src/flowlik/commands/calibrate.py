@@ -122,12 +122,16 @@ def calibrate(
 
 
 def fit_families(
-    sketches: Sequence[ErrorSketch], method: FlowMethod, provenance: dict[str, object]
+    sketches: Sequence[ErrorSketch],
+    method: FlowMethod,
+    provenance: dict[str, object],
+    names: Sequence[str] = tuple(FAMILIES),
+    smoothing: float | None = None,
 ) -> dict[str, FlowLikelihood]:
-    """Likelihoods of every family on the same sketches, by name."""
+    """Likelihoods of families on the same sketches, by name."""
     return {
-        name: fit_likelihood(sketches, family, method, provenance=provenance)
-        for name, family in FAMILIES.items()
+        name: fit_likelihood(sketches, error_family(name), method, provenance=provenance, smoothing=smoothing)
+        for name in names
     }
 
 
