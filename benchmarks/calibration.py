@@ -22,7 +22,7 @@ from flowlik.calibration import (
     ErrorSketch,
     Task,
     calibrate,
-    index_covariates,
+    index_form,
     merge_all,
     schedule_index,
     sketch_blocks,
@@ -76,7 +76,7 @@ class Options:
 
 def task_of(method: str, indices: tuple[Index, ...] = (Index(), FLOW_INDEX)) -> Task:
     flow = flow_method(method)
-    return Task(flow, indices, index_covariates(flow), pixels=DENSE_PIXELS)
+    return Task(flow, indices, index_form(flow).covariates, pixels=DENSE_PIXELS)
 
 
 def models_of(
@@ -87,7 +87,7 @@ def models_of(
     flow = flow_method(method)
     blocks = {"texture": [b for f in found for b in f[0]], "flow": [b for f in found for b in f[1]]}
     blocks["constant"] = blocks["texture"]
-    index = schedule_index("index", [f[0] for f in found], index_covariates(flow))
+    index = schedule_index("index", [f[0] for f in found], index_form(flow))
     blocks["index"] = [b.over(index) for b in blocks["texture"]]
     models = {(s, f): calibrate(blocks[s], FAMILIES[f], flow, constant=s == "constant") for s, f in wanted}
     return models, blocks
@@ -161,7 +161,8 @@ def records_of(
                 note,
             )
         print(
-            f"{method:<16} {dataset:<24} {schedule:<9} {family:<12} nll {figures['nll']:7.3f}  K-S {ks.median:.3f} "
+            f"{method:<16} {dataset:<24} {schedule:<9} {family:<12} nll {figures['nll']:7.3f}  "
+            f"K-S {ks.median:.3f} "
             f"max {ks.maximum:.3f}  90 %: {figures['coverage_90']:.3f} "
             f"({figures['coverage_90_lowest_level']:.3f} … {figures['coverage_90_highest_level']:.3f})",
             flush=True,

@@ -20,7 +20,7 @@ from flowlik.calibration import (
     ErrorSketch,
     Task,
     calibrate,
-    index_covariates,
+    index_form,
     merge_all,
     schedule_index,
 )
@@ -39,7 +39,7 @@ MODELS = Path(__file__).resolve().parents[1] / "src" / "flowlik" / "models"
 def measured(method: str, cache: Path, kitti_poses: Path | None) -> list[list[list[ErrorSketch]]]:
     """Sketches of every calibration flight: over texture, and over the flow's magnitude."""
     flow = flow_method(method)
-    task = Task(flow, (Index(), FLOW_INDEX), index_covariates(flow), pixels=DENSE_PIXELS)
+    task = Task(flow, (Index(), FLOW_INDEX), index_form(flow).covariates, pixels=DENSE_PIXELS)
     return [errors_of(flight, task, cache, kitti_poses, method) for flight in CALIBRATION]
 
 
@@ -67,7 +67,7 @@ def ship(method: str, cache: Path, kitti_poses: Path | None, out: Path) -> None:
         "command": "python benchmarks/ship_models.py",
         "sensor": "default",
     }
-    index = schedule_index("index", [flight[0] for flight in flights], index_covariates(flow))
+    index = schedule_index("index", [flight[0] for flight in flights], index_form(flow))
     over = [block.over(index) for block in by_texture]
     for name, family, blocks in ((method, "glc", over), (f"{method}-lcm", "lcm", by_texture)):
         model = calibrate(blocks, error_family(family), flow, provenance=provenance)

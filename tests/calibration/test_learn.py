@@ -4,9 +4,10 @@ import pytest
 from flowlik.calibration import (
     SCHEDULES,
     ErrorSketch,
+    IndexForm,
     Rows,
     calibrate,
-    index_covariates,
+    index_form,
     learn_index,
     schedule_index,
 )
@@ -18,6 +19,7 @@ from flowlik.flow import Farneback, LucasKanade
 from flowlik.schedule import Index
 
 NAMES = ("texture", "discrepancy", "residual")
+FORM = IndexForm(NAMES, products=False)
 
 
 def drawn(n: int, seed: int = 0, curved: float = 0.0):
@@ -88,7 +90,7 @@ def test_a_learned_index_beats_texture_on_data_it_has_not_seen():
     mine, other = sketch(40_000, 0), sketch(40_000, 1)
     nll = {}
     for schedule in ("texture", "index"):
-        index = schedule_index(schedule, [[mine]], NAMES)
+        index = schedule_index(schedule, [[mine]], FORM)
         model = calibrate([mine.over(index)], FAMILIES["laplace"], LucasKanade())
         assert model.schedule.name == schedule
         nll[schedule] = negative_log_likelihood(other.over(index), model)
@@ -112,12 +114,13 @@ def test_populations_count_alike():
 
 def test_schedules_by_name():
     blocks = [[sketch(3_000)]]
-    assert schedule_index("texture", blocks) == schedule_index("constant", blocks) == Index()
-    assert schedule_index("flow", blocks).name == "flow"
-    assert schedule_index("index", blocks, NAMES).name == "index"
+    assert schedule_index("texture", blocks, FORM) == schedule_index("constant", blocks, FORM) == Index()
+    assert schedule_index("flow", blocks, FORM).name == "flow"
+    assert schedule_index("index", blocks, FORM).name == "index"
     with pytest.raises(CalibrationError, match="unknown schedule 'speed'"):
-        schedule_index("speed", blocks)
-    assert set(index_covariates(Farneback())) - set(index_covariates(LucasKanade())) == {"spread"}
+        schedule_index("speed", blocks, FORM)
+    assert "spread" in index_form(Farneback()).covariates
+    assert "spread" not in index_form(LucasKanade()).covariates
     assert set(SCHEDULES) == {"constant", "texture", "flow", "index"}
 
 

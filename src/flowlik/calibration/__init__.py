@@ -15,8 +15,9 @@ from flowlik.calibration.run import (
 from flowlik.calibration.schedules import (
     FLOW_INDEX,
     SCHEDULES,
+    IndexForm,
     check_schedule,
-    index_covariates,
+    index_form,
     schedule_index,
 )
 from flowlik.calibration.sketch import ErrorSketch, merge_all
@@ -28,6 +29,7 @@ __all__ = [
     "SMOOTHING_NAT",
     "Block",
     "ErrorSketch",
+    "IndexForm",
     "Rows",
     "Task",
     "bootstrap",
@@ -36,7 +38,7 @@ __all__ = [
     "choose_smoothing",
     "fit",
     "gather",
-    "index_covariates",
+    "index_form",
     "learn_index",
     "merge_all",
     "pair_errors",

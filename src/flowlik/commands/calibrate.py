@@ -13,7 +13,7 @@ from flowlik.calibration import (
     Task,
     check_schedule,
     gather,
-    index_covariates,
+    index_form,
     merge_all,
     schedule_index,
     sketch_blocks,
@@ -89,7 +89,7 @@ def calibrate(
     config = {"data": [str(d) for d in data], "method": method, "family": family, "schedule": schedule}
     run = RunFolder(out, command, config, seed)
     sequences = [open_sequence(folder, format) for folder in data]
-    task = Task(flow, (Index(), FLOW_INDEX), keep=index_covariates(flow))
+    task = Task(flow, (Index(), FLOW_INDEX), keep=index_form(flow).covariates)
     most = max(2, BOOTSTRAP_BLOCKS // len(sequences))
     populations = []
     for sequence in sequences:
@@ -104,7 +104,7 @@ def calibrate(
     if schedule == "texture":
         chosen, blocks_of_chosen = models[family], by_texture
     else:
-        index = schedule_index(schedule, [p[0] for p in populations if p], index_covariates(flow))
+        index = schedule_index(schedule, [p[0] for p in populations if p], index_form(flow))
         blocks_of_chosen = by_flow if schedule == "flow" else [block.over(index) for block in by_texture]
         constant = schedule == "constant"
         chosen = fit_likelihood(

@@ -16,7 +16,7 @@ from flowlik.calibration import (
     ErrorSketch,
     Task,
     gather,
-    index_covariates,
+    index_form,
     merge_all,
     schedule_index,
     sketch_blocks,
@@ -76,7 +76,7 @@ def reproduce(
     sketches: dict[str, list[list[ErrorSketch]]] = {method.name: [] for method in methods}
     for flight in plan.calibration:
         seeing = [method for method in methods if method.name in flight.methods]
-        tasks = [Task(m, keep=index_covariates(m), pixels=plan.dense_pixels) for m in seeing]
+        tasks = [Task(m, keep=index_form(m).covariates, pixels=plan.dense_pixels) for m in seeing]
         for method, blocks in zip(seeing, _sketch(run, plan, flight, camera, tasks, progress)):
             sketches[method.name].append(blocks)
     models = {}
@@ -131,7 +131,7 @@ def _calibrate(
     dataset = f"{plan.world}-calibration"
     _add_evidence(run, blocks, models, dataset, method, plan, "calibration")
     run.save("table", method.name, table(merge_all(blocks), models["lcm"]))
-    index = schedule_index("index", flights, index_covariates(method))
+    index = schedule_index("index", flights, index_form(method))
     over = [block.over(index) for block in blocks]
     best = fit_families(over, method, provenance, (BEST_FAMILY,), SMOOTHING_NAT)
     _add_evidence(run, over, best, dataset, method, plan, "calibration")
