@@ -86,11 +86,10 @@ def test_the_discrepancy_is_the_way_there_and_back(measured):
     assert np.nanmedian(np.abs(measured.signals["discrepancy"])) < 0.1
 
 
-@pytest.mark.parametrize(("name", "half", "step"), [("residual", 2, 1), ("residual-wide", 10, 2)])
-def test_the_residual_agrees_with_numpy(name, half, step):
+def test_the_residual_agrees_with_numpy():
     flow = np.array([[1.0, 2.0], [-3.0, 0.0], [4.0, 1.0]])
-    found = SIGNALS[name](pair(flow))
-    offsets = np.arange(-half, half + 1, step)
+    found = SIGNALS["residual"](pair(flow))
+    offsets = np.arange(-2, 3)
     for value, (u, v), (du, dv) in zip(found, pair(flow).pixels.astype(int), flow.astype(int)):
         rows, columns = np.clip(v + offsets, 0, 69), np.clip(u + offsets, 0, 99)
         ends = np.clip(v + dv + offsets, 0, 69), np.clip(u + du + offsets, 0, 99)

@@ -32,7 +32,7 @@ class IndexForm:
 
 # each covariate, and the products, earn 0.015 nat or more on worlds neither calibrated nor reported on
 SPARSE = IndexForm(("texture", "flow", "discrepancy", "residual"), products=False)
-DENSE = IndexForm(("texture", "flow", "discrepancy", "residual", "residual-wide", "spread"), products=True)
+DENSE = IndexForm(("texture", "flow", "discrepancy", "residual", "spread"), products=True)
 
 
 def check_schedule(schedule: str) -> None:
