@@ -108,7 +108,7 @@ class Layout:
             numbers[i] = self.kinds.pick(rng, "house")
             reach = float(np.linalg.norm(self.kinds.half_sizes_m[numbers[i]]))
             points[i] = low + rng.uniform(reach, SQUARE_M - reach, 2)
-        edges = ground.roads.edge(points)
+        edges, levels = ground.roads.edge(points), ground.surface(points)
         streets, arcs, right = ground.roads.nearest_street(points)
         for i in range(4):
             half = self.kinds.half_sizes_m[numbers[i]]
@@ -120,8 +120,7 @@ class Layout:
             if self.taken.overlaps(row, 3.0) or own.overlaps(row, 3.0):
                 continue
             own.add(row)
-            foot = points[[i]]
-            things.add(numbers[[i]], upright(foot, ground.surface(foot), facing[None]))
+            things.add(numbers[[i]], upright(points[[i]], levels[[i]], facing[None]))
 
 
 def _by_square(instances: Instances) -> dict[Square, Instances]:
