@@ -14,6 +14,10 @@ from flowlik.simulation.raster.packed import Ints32
 TILE = 32
 SAMPLES = 16
 
+# triangles of at most so many pixels each way are looked at before they are set up; with slack for rounding
+SMALL = 4
+SLACK = 1e-4
+
 # sixteen rooks: one sample in each of 16 columns and rows of the pixel
 _ROOKS = np.array([
     (7, 2), (13, 5), (3, 8), (9, 11), (1, 1), (5, 14), (11, 0), (15, 9),
@@ -102,7 +106,7 @@ def clear(buffers):
     buffers.centre_w[:], buffers.centre_seen[:] = 0.0, -1
 
 
-@kernel
+@inlined
 def draw(i, screen, left, top, columns, rows, buffers, samples):
     """Draw triangle i into a tile whose first pixel is (left, top).
 
@@ -115,14 +119,23 @@ def draw(i, screen, left, top, columns, rows, buffers, samples):
     x0, y0, w0 = np.float64(screen[i, 0]), np.float64(screen[i, 1]), np.float64(screen[i, 2])
     x1, y1, w1 = np.float64(screen[i, 3]), np.float64(screen[i, 4]), np.float64(screen[i, 5])
     x2, y2, w2 = np.float64(screen[i, 6]), np.float64(screen[i, 7]), np.float64(screen[i, 8])
-    area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
-    if area == 0.0:
-        return
     u_first = max(0, math.floor(max(min(x0, min(x1, x2)) - left, -1.0) + 0.5))
     u_last = min(columns - 1, math.floor(min(max(x0, max(x1, x2)) - left, columns + 1.0) + 0.5))
     v_first = max(0, math.floor(max(min(y0, min(y1, y2)) - top, -1.0) + 0.5))
     v_last = min(rows - 1, math.floor(min(max(y0, max(y1, y2)) - top, rows + 1.0) + 0.5))
     if u_first > u_last or v_first > v_last:
+        return
+    if u_last - u_first < SMALL and v_last - v_first < SMALL:
+        # most triangles are small and lie behind what is there already
+        nearest_w, hidden = max(w0, max(w1, w2)) * (1.0 + SLACK), True
+        for v in range(v_first, v_last + 1):
+            for u in range(u_first, u_last + 1):
+                pixel = v * TILE + u
+                hidden &= (nearest_w < farthest[pixel]) & (nearest_w < centre_w[pixel])
+        if hidden:
+            return
+    area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+    if area == 0.0:
         return
     # barycentric coordinates and inverse depth are linear on the screen
     inverse = 1.0 / area
