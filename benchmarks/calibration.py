@@ -57,7 +57,7 @@ REAL = {
     "TartanAir": "tartanair_v2/abs_P000",
     "7-Scenes (soft truth)": "sevenscenes",
 }
-SHOWN = (("index", "glc"), ("texture", "lcm"), ("texture", "gaussian"))
+SHOWN = (("index", "glc"), ("texture", "lcm"), ("flow", "lcm"), ("texture", "gaussian"))
 LEAST_COMPONENTS, LEAST_FRAMES = 10_000, 20
 
 

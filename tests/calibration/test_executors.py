@@ -81,7 +81,7 @@ def test_the_death_of_a_process_is_one_clear_error(sequence):
 
 def test_bad_data_is_the_same_error_from_a_process(sequence):
     broken = split_blocks(sequence, 0, 2)[0]
-    broken = type(broken)(sequence, 0, len(sequence), 0)
+    broken = type(broken)(sequence, range(len(sequence)), 0)
     with executor("processes", 1) as process_map, pytest.raises(DataError, match="no frame 9"):
         list(sketch_blocks([broken], TASKS[:1], process_map))
 
