@@ -59,10 +59,13 @@ class Epipolar:
         z, _, J = _kernels.linearise_epipolar(T, *self._rays, self._focal)
         return z, J
 
+    def linearise_with_normal(self, T: Array) -> tuple[Array, Array, Array]:
+        """Distances z (N,) [px], unit normals (N, 2) of the lines in {i}, and Jacobian (N, 6)."""
+        return _kernels.linearise_epipolar(T, *self._rays, self._focal)
+
     def coordinates(self, T: Array, index: Index) -> Array:
         """Coordinates x (N,) along the normals of the epipolar lines."""
-        _, normal, _ = _kernels.linearise_epipolar(T, *self._rays, self._focal)
-        return index.along(self.measurements, normal)
+        return index.along(self.measurements, self.linearise_with_normal(T)[1])
 
     def basis(self, T: Array) -> Array:
         """Rotation, and translation orthogonal to its direction: (6, 5)."""
