@@ -124,7 +124,11 @@ class Odometry:
         residual: Residual = (
             Epipolar.of(m, self.camera) if known_depth is None else KnownDepth.of(m, self.camera, known_depth)
         )
-        motion = self.estimator.estimate(residual, seed=np.random.default_rng([self.seed, k]))
+        rng = np.random.default_rng([self.seed, k])
+        # the previous motion is a guess, unless it has no direction
+        moving = np.any(self._previous_motion.translation) or residual.metric
+        start = self._previous_motion if k > 1 and moving else None
+        motion = self.estimator.estimate(residual, seed=rng, start=start)
         if not motion.solved:
             motion = replace(motion, T_k_prev=self._previous_motion, information=np.zeros((6, 6)))
         elif not motion.scale_known and distance_m is not None:

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.egomotion import EgoMotion, Status
 from flowlik.evaluation.split_half import (
@@ -22,14 +22,11 @@ def test_halves_are_a_chessboard_of_64_pixels():
 
 def noisy(rng, count, sigma_direction, sigma_rotation):
     """Motions ahead with independent noise of direction [rad] and rotation [rad] in each axis."""
-    motions = []
-    for _ in range(count):
-        move = np.array([0, 0, 1.0]) + sigma_direction * np.append(rng.standard_normal(2), 0)
-        T_prev_k = RigidTransform.from_translation(move / np.linalg.norm(move))
-        motions.append(
-            exp_se3(np.append(sigma_rotation * rng.standard_normal(3), np.zeros(3))) * T_prev_k.inv()
-        )
-    return RigidTransform.concatenate(motions)
+    moves = np.tile([0, 0, 1.0], (count, 1))
+    moves[:, :2] += sigma_direction * rng.standard_normal((count, 2))
+    moves /= np.linalg.norm(moves, axis=1, keepdims=True)
+    turns = Rotation.from_rotvec(sigma_rotation * rng.standard_normal((count, 3)))
+    return RigidTransform.from_rotation(turns) * RigidTransform.from_translation(moves).inv()
 
 
 def test_the_noise_is_that_of_all_measurements_together():
@@ -53,8 +50,8 @@ def test_a_right_covariance_covers_the_differences():
         T = RigidTransform.from_components(t / np.linalg.norm(t), T.rotation)
         return EgoMotion(T, information, Status.SOLVED)
 
-    first, second = ([estimate() for _ in range(1500)] for _ in range(2))
+    first, second = ([estimate() for _ in range(600)] for _ in range(2))
     distances = half_distances(first, second)
-    assert distances.mean() == pytest.approx(5, rel=0.06)
+    assert distances.mean() == pytest.approx(5, rel=0.1)
     for confidence in (0.5, 0.9, 0.95):
-        assert half_coverage(distances, confidence) == pytest.approx(confidence, abs=0.04)
+        assert half_coverage(distances, confidence) == pytest.approx(confidence, abs=0.06)

@@ -14,7 +14,7 @@ from flowlik.egomotion import _kernels
 from flowlik.egomotion.known_depth import KnownDepth
 from flowlik.egomotion.residual import Bound, InliersOf, count_inliers
 from flowlik.measurements import Measurements
-from flowlik.motion import decompose_essential, in_front
+from flowlik.motion import decompose_essential, in_front, skew
 from flowlik.schedule import Index
 
 ANGLES = 17
@@ -83,6 +83,10 @@ class Epipolar:
         first, second = (np.ascontiguousarray(rays[:, :2]) for rays in self._rays)
         solutions = [five_point(first[sample], second[sample]) for sample in samples]
         return np.concatenate([np.empty((0, 3, 3)), *solutions])
+
+    def hypothesis(self, T: Array) -> Array:
+        """Essential matrix (3, 3) of a motion."""
+        return np.asarray(skew(T[:, 3]) @ T[:, :3])
 
     def bounds(self, bound: Bound, index: Index, kept: NDArray[np.bool_]) -> Array:
         """Bounds (N, 17) [px] over nodes of the normal's pseudo-angle: they depend on its direction."""
