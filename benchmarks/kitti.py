@@ -17,8 +17,9 @@ from flowlik.evaluation.baselines import opencv_essential, poselib_relative
 from flowlik.evaluation.motion_records import trajectory_records, true_trajectory
 from flowlik.flow import flow_method
 from flowlik.model_file import load_likelihood
-from flowlik.odometry import features_of, measure_features, scaled, true_distance
+from flowlik.odometry import features_of, measure_features, scaled
 from flowlik.records import Record, select, write_records
+from flowlik.scale import true_distance
 from flowlik.trajectory import Trajectory, chain
 
 SHOWN = ("t_err_percent", "t_err_offset_removed_percent", "r_err_deg_per_100m")

@@ -133,6 +133,18 @@ class Distortion:
             )
         return np.asarray(points * np.divide(radius, seen, out=np.ones_like(seen), where=seen > 0))
 
+    def stretch(self, points: Array, normals: Array) -> Array:
+        """How much longer (N,) the distance to a line is where it is seen, for lines through true points.
+
+        `normals` (N, 2) are those of the lines, of unit length.
+        """
+        square = (points**2).sum(axis=-1)
+        scale = 1 + square * (self.k1 + self.k2 * square)
+        bend = 2 * self.k1 + 4 * self.k2 * square
+        # the inverse of scale I + bend x x^T
+        along = (points * normals).sum(axis=-1) * bend / (scale + bend * square)
+        return np.asarray(scale / np.linalg.norm(normals - along[..., None] * points, axis=-1))
+
     def ideal_pixels(self, camera: Pinhole, pixels: Array) -> Array:
         """Where a pinhole camera would have seen what this distortion shows at pixels (N, 2)."""
         rays = camera.rays(pixels)

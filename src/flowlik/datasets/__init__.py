@@ -15,16 +15,30 @@ def _open_kitti(folder: Path) -> Sequence:
     return KittiOdometry(folder)
 
 
+def _open_kitti_raw(folder: Path) -> Sequence:
+    from flowlik.datasets.kitti_raw import KittiRaw
+
+    return KittiRaw(folder)
+
+
 def _open_tartanair(folder: Path) -> Sequence:
     from flowlik.datasets.tartanair import TartanAir
 
     return TartanAir(folder)
 
 
-FORMATS: dict[str, Callable[[Path], Sequence]] = {"kitti": _open_kitti, "tartanair": _open_tartanair}
+FORMATS: dict[str, Callable[[Path], Sequence]] = {
+    "kitti": _open_kitti,
+    "kitti-raw": _open_kitti_raw,
+    "tartanair": _open_tartanair,
+}
 """Format name to a function that opens a folder of it; each imports its reader when called."""
 
-LAYOUTS = {"kitti": ("image_0", "image_2"), "tartanair": ("image_lcam_front",)}
+LAYOUTS = {
+    "kitti": ("image_0", "image_2"),
+    "kitti-raw": ("image_00", "image_02"),
+    "tartanair": ("image_lcam_front",),
+}
 """Folders of which a sequence of each format holds at least one."""
 
 

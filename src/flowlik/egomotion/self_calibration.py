@@ -111,8 +111,9 @@ class Intrinsics:
             Of the flow.
         """
         residual = Epipolar.of(self.rectified(m), self.camera)
-        z, J = residual.linearise(T)
-        x = residual.coordinates(T, likelihood.schedule.index)
+        _, normal, J = residual.linearise_with_normal(T)
+        z = self._errors(m, T, self.values)
+        x = likelihood.schedule.index.along(residual.measurements, normal)
         slopes = []
         for i, name in enumerate(self.settings.names):
             step = STEPS[name] * np.eye(len(self.values))[i]
@@ -122,24 +123,29 @@ class Intrinsics:
         J = J @ residual.basis(T)
         usable = np.isfinite(z) & np.isfinite(G).all(axis=1)
         z, J, G, x = z[usable], J[usable], G[usable], x[usable]
-        fisher = likelihood.fisher(x)[:, None]
-        wz = likelihood.weight(z, x) * z
-        by_motion = np.linalg.solve(J.T @ (fisher * J), np.column_stack([J.T @ (fisher * G), -J.T @ wz]))
-        H = G.T @ (fisher * G) - (G.T @ (fisher * J)) @ by_motion[:, :-1]
-        b = -G.T @ wz - (G.T @ (fisher * J)) @ by_motion[:, -1]
+        weight = likelihood.weight(z, x)
+        wz = weight * z
+        # wrong intrinsics make errors that no component expects: these weigh as little as their slope says
+        believed = np.minimum(weight, likelihood.fisher(x))[:, None]
+        by_motion = np.linalg.solve(J.T @ (believed * J), np.column_stack([J.T @ (believed * G), -J.T @ wz]))
+        H = G.T @ (believed * G) - (G.T @ (believed * J)) @ by_motion[:, :-1]
+        b = -G.T @ wz - (G.T @ (believed * J)) @ by_motion[:, -1]
         return self._after(H, b)
 
     def _after(self, H: Array, b: Array) -> Intrinsics:
         """Intrinsics after a frame's information H (P, P) and gradient b (P,)."""
         prior = np.array([sigma**2 for _, sigma in self.settings.sigma])
         loosened = self.covariance + np.diag(self.settings.drift * prior)
-        covariance = np.linalg.inv(np.linalg.inv(loosened) + self.settings.temper * H)
+        covariance = np.asarray(np.linalg.inv(np.linalg.inv(loosened) + self.settings.temper * H), float)
         values = self.values + covariance @ (self.settings.temper * b)
         return replace(self, values=values, covariance=covariance, frames=self.frames + 1)
 
     def _errors(self, m: Measurements, T: Array, values: Array) -> Array:
+        """Epipolar errors (N,) in pixels of the images; ideal ones would reward shrinking them."""
         camera, distortion = self._with(values)
-        return Epipolar.of(_rectified(m, camera, distortion), camera).linearise(T)[0]
+        ideal = _rectified(m, camera, distortion)
+        z, normal, _ = Epipolar.of(ideal, camera).linearise_with_normal(T)
+        return z * distortion.stretch(camera.rays(ideal.pixels + ideal.flow)[:, :2], normal)
 
     def _with(self, values: Array) -> tuple[Pinhole, Distortion]:
         change, c = dict(zip(self.settings.names, map(float, values))), self.nominal
