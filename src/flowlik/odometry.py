@@ -165,7 +165,23 @@ class Odometry:
         likelihood = self.estimator.likelihood
         signals = likelihood.schedule.index.signals
         m = measure_features(previous, image, self.method, likelihood.texture, self.seed + k, signals)
-        motion = self._measured(m, k, known_depth)
+        return self.advance(m, known_depth, distance_m, reference_m)
+
+    def advance(
+        self,
+        m: Measurements,
+        depth: Array | None = None,
+        distance_m: float | None = None,
+        reference_m: Array | None = None,
+    ) -> EgoMotion:
+        """Take the measurements between the last image and the next, made elsewhere.
+
+        `step` is this after `measure_features`; ``depth`` is that of the last image. No timestamp is kept.
+        """
+        if not self.poses:
+            self.poses.append(RigidTransform.identity())
+        k = len(self.poses)
+        motion = self._measured(m, k, depth)
         if not motion.solved:
             motion = replace(motion, T_k_prev=self._previous_motion, information=np.zeros((6, 6)))
         motion = self._with_length(motion, k, distance_m)
