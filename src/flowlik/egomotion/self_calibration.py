@@ -36,7 +36,7 @@ class SelfCalibration:
     """
 
     sigma: tuple[tuple[str, float], ...] = (("cx", 4.0), ("k1", 0.02), ("k2", 0.01))
-    temper: float = 0.03
+    temper: float = 0.3
     drift: float = 1e-6
 
     @property
