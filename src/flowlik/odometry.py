@@ -201,8 +201,8 @@ class Odometry:
         if intrinsics is not None:
             m, camera = intrinsics.rectified(m), intrinsics.camera
         residual: Residual = Epipolar.of(m, camera) if depth is None else KnownDepth.of(m, camera, depth)
-        # the previous motion is a guess, unless it has no direction
-        moving = np.any(self._previous_motion.translation) or residual.metric
+        # the previous motion saves five-point samples, unless it has no direction
+        moving = not residual.metric and np.any(self._previous_motion.translation)
         start = self._previous_motion if k > 1 and moving else None
         motion = self.estimator.estimate(residual, seed=np.random.default_rng([self.seed, k]), start=start)
         if intrinsics is not None:
