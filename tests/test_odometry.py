@@ -89,7 +89,7 @@ def assert_same(found, expected, atol=1e-6):
         np.testing.assert_allclose(a.as_matrix(), b.as_matrix(), atol=atol)
 
 
-# the epipolar residual is refined from the previous motion, to where steps gain nothing: not to the exact motion
+# the epipolar residual is refined from the previous motion to where steps gain nothing, not to the exact one
 @pytest.fixture(params=[ransac(), lcmsac(lcm_likelihood())], ids=lambda e: e.name)
 def estimator(request):
     return request.param
