@@ -11,6 +11,9 @@ from flowlik.errors import DataError
 
 Array = NDArray[np.float64]
 
+NEWTON_STEPS = 4
+LEAST_SLOPE = 0.1
+
 
 @dataclass(frozen=True)
 class Pinhole:
@@ -95,3 +98,55 @@ class Pinhole:
         """Whether pixels (N, 2) lie inside the image, between the outermost pixel centres; NaN is outside."""
         u, v = pixels[..., 0], pixels[..., 1]
         return (u >= 0) & (u <= self.width - 1) & (v >= 0) & (v <= self.height - 1)
+
+
+@dataclass(frozen=True)
+class Distortion:
+    """Radial distortion of Brown and Conrady: a ray seen at ``x (1 + k1 r^2 + k2 r^4)`` for its true x.
+
+    x are coordinates on the plane z = 1, r their distance from the optical axis; OpenCV's convention.
+
+    Parameters
+    ----------
+    k1, k2 : float
+        Coefficients; zero is a pinhole camera.
+    """
+
+    k1: float = 0.0
+    k2: float = 0.0
+
+    def distort(self, points: Array) -> Array:
+        """Where true points (N, 2) on the plane z = 1 are seen."""
+        square = (points**2).sum(axis=-1, keepdims=True)
+        return np.asarray(points * (1 + square * (self.k1 + self.k2 * square)))
+
+    def undistort(self, points: Array) -> Array:
+        """True points (N, 2) on the plane z = 1 of seen ones, by Newton's method on the radius."""
+        seen = np.linalg.norm(points, axis=-1, keepdims=True)
+        radius = seen
+        for _ in range(NEWTON_STEPS):
+            square = radius**2
+            slope = 1 + square * (3 * self.k1 + 5 * self.k2 * square)
+            # beyond where the radius seen stops growing there is no true one: the slope stays positive
+            radius = radius - (radius * (1 + square * (self.k1 + self.k2 * square)) - seen) / np.maximum(
+                slope, LEAST_SLOPE
+            )
+        return np.asarray(points * np.divide(radius, seen, out=np.ones_like(seen), where=seen > 0))
+
+    def stretch(self, points: Array, normals: Array) -> Array:
+        """How much longer (N,) the distance to a line is where it is seen, for lines through true points.
+
+        `normals` (N, 2) are those of the lines, of unit length.
+        """
+        square = (points**2).sum(axis=-1)
+        scale = 1 + square * (self.k1 + self.k2 * square)
+        bend = 2 * self.k1 + 4 * self.k2 * square
+        # the inverse of scale I + bend x x^T
+        along = (points * normals).sum(axis=-1) * bend / (scale + bend * square)
+        return np.asarray(scale / np.linalg.norm(normals - along[..., None] * points, axis=-1))
+
+    def ideal_pixels(self, camera: Pinhole, pixels: Array) -> Array:
+        """Where a pinhole camera would have seen what this distortion shows at pixels (N, 2)."""
+        rays = camera.rays(pixels)
+        rays[..., :2] = self.undistort(rays[..., :2])
+        return camera.v2p(rays)

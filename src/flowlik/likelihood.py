@@ -61,6 +61,11 @@ class FlowLikelihood:
         """Gaussian with one standard deviation [px] for any flow and texture: RANSAC's likelihood."""
         return cls(Gaussian(), Schedule.constant(np.array([sigma_px])))
 
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Signals that `flowlik.measure` must measure for this model."""
+        return self.schedule.index.signals
+
     def coordinate(self, measurements: Measurements) -> Array:
         """Schedule coordinates x (N, 2) of every eigen-component; checks that the model fits them."""
         self.check(measurements)

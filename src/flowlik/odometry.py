@@ -4,24 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from flowlik.boresight import Boresight
 from flowlik.camera import Array, Pinhole
 from flowlik.datasets.base import Sequence
 from flowlik.egomotion import EgoMotion, Epipolar, Estimator, KnownDepth, Residual, Status
 from flowlik.egomotion.result import unsolved
+from flowlik.egomotion.self_calibration import Intrinsics, SelfCalibration
 from flowlik.errors import DataError
 from flowlik.flow.base import DenseFlow, FlowMethod, Image, check_pair, method_for_pair
 from flowlik.measurements import Measurements, measure, stratified_pixels
+from flowlik.scale import Norm, ScaleSource, Unscaled
 from flowlik.texture import TextureDefinition
 
 DENSE_PIXELS = 4000
 
 ResidualKind = Literal["depth", "epipolar"]
-ScaleSource = Literal["truth-norm", "none"]
 
 
 def measure_features(
@@ -44,6 +46,14 @@ def features_of(method: FlowMethod) -> str:
     return f"stratified-{DENSE_PIXELS}" if isinstance(method, DenseFlow) else "corners"
 
 
+class Step(NamedTuple):
+    """What an odometry saw and said of one frame."""
+
+    measurements: Measurements
+    camera: Pinhole
+    motion: EgoMotion
+
+
 class Odometry:
     """Ego-motion from one image to the next, chained to a pose.
 
@@ -57,23 +67,54 @@ class Odometry:
         RANSAC, LCMSAC or maximum likelihood.
     seed : int
         Seed of pixels and samples; frame k uses (seed, k).
+    scale : ScaleSource, optional
+        Where the length of a motion comes from without depth; by default every motion has unit length.
+    self_calibration : SelfCalibration, optional
+        Refine the camera's intrinsics from its images; by default they stay as given.
+    boresight : bool
+        Turn motions into the frame of the reference that `step` is told of, by what past frames say.
 
     Attributes
     ----------
     poses : list of RigidTransform
         ``T_n_c`` of every frame so far; the first camera frame is {n}.
+    intrinsics : list of Intrinsics
+        What is known of the camera after every frame, where it is refined.
+    last : Step or None
+        Measurements of the last frame, as a pinhole camera would have made them, that camera, and the motion.
     """
 
-    def __init__(self, camera: Pinhole, method: FlowMethod, estimator: Estimator, seed: int = 0) -> None:
+    def __init__(
+        self,
+        camera: Pinhole,
+        method: FlowMethod,
+        estimator: Estimator,
+        seed: int = 0,
+        scale: ScaleSource | None = None,
+        self_calibration: SelfCalibration | None = None,
+        boresight: bool = False,
+    ) -> None:
         self.camera, self.method, self.estimator, self.seed = camera, method, estimator, seed
+        self.scale = scale or Unscaled()
+        self.intrinsics: list[Intrinsics] = []
+        if self_calibration is not None:
+            self.intrinsics.append(Intrinsics.prior(camera, self_calibration))
+        self.boresight = Boresight.none() if boresight else None
+        self.last: Step | None = None
         self.poses: list[RigidTransform] = []
         self.timestamps: list[float] = []
         self._image: Image | None = None
         self._depth: Array | None = None
         self._previous_motion = RigidTransform.identity()
+        self._length_m: float | None = None
 
     def step(
-        self, image: Image, timestamp: float, depth: Array | None = None, distance_m: float | None = None
+        self,
+        image: Image,
+        timestamp: float,
+        depth: Array | None = None,
+        distance_m: float | None = None,
+        reference_m: Array | None = None,
     ) -> EgoMotion:
         """Take the next image and return the motion since the one before.
 
@@ -91,7 +132,10 @@ class Odometry:
             depth; without it, epipolar.
         distance_m : float, optional
             Length of the motion since the previous image [m], which gives the epipolar residual its
-            scale; without it each step has unit length.
+            scale; without it the scale source is asked.
+        reference_m : array (3,), optional
+            The reference's move since the previous image [m], in its own frame at that time: used by the
+            boresight of the frames after this one.
 
         Returns
         -------
@@ -119,19 +163,69 @@ class Odometry:
             return unsolved(Status.TOO_FEW, "the first image has none before it")
         k = len(self.poses)
         likelihood = self.estimator.likelihood
-        signals = likelihood.schedule.index.signals
+        signals = likelihood.signals
         m = measure_features(previous, image, self.method, likelihood.texture, self.seed + k, signals)
-        residual: Residual = (
-            Epipolar.of(m, self.camera) if known_depth is None else KnownDepth.of(m, self.camera, known_depth)
-        )
-        motion = self.estimator.estimate(residual, seed=np.random.default_rng([self.seed, k]))
+        return self.advance(m, known_depth, distance_m, reference_m)
+
+    def advance(
+        self,
+        m: Measurements,
+        depth: Array | None = None,
+        distance_m: float | None = None,
+        reference_m: Array | None = None,
+    ) -> EgoMotion:
+        """Take the measurements between the last image and the next, made elsewhere.
+
+        `step` is this after `measure_features`; ``depth`` is that of the last image. No timestamp is kept.
+        """
+        if not self.poses:
+            self.poses.append(RigidTransform.identity())
+        k = len(self.poses)
+        motion = self._measured(m, k, depth)
         if not motion.solved:
             motion = replace(motion, T_k_prev=self._previous_motion, information=np.zeros((6, 6)))
-        elif not motion.scale_known and distance_m is not None:
-            motion = replace(motion, T_k_prev=scaled(motion.T_k_prev, distance_m), scale_known=True)
+        motion = self._with_length(motion, k, distance_m)
         self._previous_motion = motion.T_k_prev
+        if self.boresight is not None:
+            turned = self.boresight.applied(motion.T_k_prev)
+            if reference_m is not None and motion.status is Status.SOLVED:
+                self.boresight = self.boresight.updated(motion.T_k_prev, reference_m)
+            motion = replace(motion, T_k_prev=turned)
         self.poses.append(self.poses[-1] * motion.T_k_prev.inv())
         return motion
+
+    def _measured(self, m: Measurements, k: int, depth: Array | None) -> EgoMotion:
+        """Motion of a frame, and what it says about the intrinsics."""
+        intrinsics = self.intrinsics[-1] if self.intrinsics else None
+        raw, camera = m, self.camera
+        if intrinsics is not None:
+            m, camera = intrinsics.rectified(m), intrinsics.camera
+        residual: Residual = Epipolar.of(m, camera) if depth is None else KnownDepth.of(m, camera, depth)
+        # the previous motion saves five-point samples, unless it has no direction
+        moving = not residual.metric and np.any(self._previous_motion.translation)
+        start = self._previous_motion if k > 1 and moving else None
+        motion = self.estimator.estimate(residual, seed=np.random.default_rng([self.seed, k]), start=start)
+        if intrinsics is not None:
+            if motion.status is Status.SOLVED and not residual.metric:
+                T = motion.T_k_prev.as_matrix()[:3]
+                intrinsics = intrinsics.updated(raw, T, self.estimator.likelihood)
+            self.intrinsics.append(intrinsics)
+        self.last = Step(m, camera, motion)
+        return motion
+
+    def _with_length(self, motion: EgoMotion, k: int, distance_m: float | None) -> EgoMotion:
+        """Give the motion the length that the scale source tells, or the last one where it tells none."""
+        if (motion.scale_known and motion.solved) or motion.status is Status.STILL:
+            return motion
+        if distance_m is None and (motion.solved or isinstance(self.scale, Norm)):
+            assert self.last is not None
+            distance_m = self.scale.length_m(k, self.last.measurements, self.last.camera, motion.T_k_prev)
+            if distance_m is None and self.scale.name != "none":
+                distance_m = self._length_m
+        if distance_m is None:
+            return motion
+        self._length_m = distance_m
+        return replace(motion, T_k_prev=scaled(motion.T_k_prev, distance_m), scale_known=True)
 
 
 def scaled(T_k_prev: RigidTransform, distance_m: float) -> RigidTransform:
@@ -141,16 +235,15 @@ def scaled(T_k_prev: RigidTransform, distance_m: float) -> RigidTransform:
     return RigidTransform.from_components(T_k_prev.translation * factor, T_k_prev.rotation)
 
 
-def true_distance(sequence: Sequence, k: int) -> float:
-    """Length [m] of the true motion from frame k - 1 to k: the scale source ``truth-norm``."""
-    return float(np.linalg.norm(sequence.T_n_c(k).translation - sequence.T_n_c(k - 1).translation))
+def true_move(sequence: Sequence, k: int) -> Array:
+    """Move (3,) [m] of the true camera from frame k - 1 to k, in its frame at k - 1."""
+    return np.asarray((sequence.T_n_c(k - 1).inv() * sequence.T_n_c(k)).translation, dtype=np.float64)
 
 
 def run_odometry(
     sequence: Sequence,
     odometry: Odometry,
     residual: ResidualKind,
-    scale: ScaleSource = "none",
     frames: int | None = None,
 ) -> Iterator[EgoMotion]:
     """Loop over a sequence; afterwards ``odometry.poses`` holds the trajectory.
@@ -158,13 +251,11 @@ def run_odometry(
     Parameters
     ----------
     sequence : Sequence
-        Images, with depth for the residual of known depth, and poses for the scale ``truth-norm``.
+        Images, with depth for the residual of known depth, and poses where a boresight is asked for.
     odometry : Odometry
         Fresh odometry.
     residual : {"depth", "epipolar"}
         Which residual.
-    scale : {"truth-norm", "none"}
-        Where the epipolar residual's scale comes from.
     frames : int, optional
         Only the first so many frames.
 
@@ -185,8 +276,8 @@ def run_odometry(
             odometry.method = method_for_pair(method, sequence, k - 1)
         # the last frame's depth is never used, and data sets may lack it
         depth = sequence.depth(k) if residual == "depth" and k < count - 1 else None
-        distance = true_distance(sequence, k) if scale == "truth-norm" and k > 0 else None
-        motion = odometry.step(sequence.image(k), sequence.timestamp(k), depth, distance)
+        reference = true_move(sequence, k) if odometry.boresight is not None and k > 0 else None
+        motion = odometry.step(sequence.image(k), sequence.timestamp(k), depth, reference_m=reference)
         if k > 0:
             yield motion
     odometry.method = method

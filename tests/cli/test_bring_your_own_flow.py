@@ -60,7 +60,8 @@ def workshop(quick, tmp_path_factory):
 def test_the_model_names_the_object(workshop):
     model = load_likelihood(MODEL)
     assert model.method == {"name": "callable", "object": "my_flow:fast"}
-    (nll,) = select(read_records(Path("calibration/metrics.json")), family="lcm", metric="nll")
+    records = read_records(Path("calibration/metrics.json"))
+    (nll,) = select(records, family="glc", metric="nll", schedule="index")
     assert nll.flow == "my_flow.fast"
     assert nll.count > 10_000
     assert model.goodness["nll"] == nll.value
@@ -72,7 +73,8 @@ def test_the_model_is_checked_and_used(workshop):
     assert names["half_width_px"].shape == (96 * 64, 2)
     records = read_records(Path("evaluation/metrics.json"))
     (coverage,) = select(records, metric="coverage_90")
-    assert 0.7 < coverage.value < 0.98
+    # an index learned from six small pairs
+    assert 0.6 < coverage.value < 0.98
     for run in ("picture", "odometry"):
         assert {record.flow for record in read_records(Path(run) / "metrics.json")} == {"my_flow.fast"}
     np.testing.assert_array_equal(np.load("picture/flow.npz")["half_width_px"], names["half_width_px"])
@@ -82,9 +84,14 @@ def test_flow_on_disk_is_the_same_flow(workshop):
     follow("Flow that is already on disk")
     model = load_likelihood("calibration-disk/models/fast.json")
     assert model.method == {"name": "flow-files", "label": "fast"}
-    np.testing.assert_array_equal(model.schedule.values, load_likelihood(MODEL).schedule.values)
-    follow("4. Use it")
-    trajectories = [Path(run, "trajectory_tum.txt").read_text() for run in ("odometry-disk", "odometry")]
+    words = ("--method", "my_flow:fast", "--out")
+    succeed("calibrate", "flight-1", "--schedule", "texture", *words, "calibration-live")
+    live_model = "calibration-live/models/my_flow.fast.json"
+    np.testing.assert_array_equal(model.schedule.values, load_likelihood(live_model).schedule.values)
+    succeed("odometry", "flight-2", "--model", live_model, *words, "odometry-live")
+    images = (f"flight-2/image_lcam_front/{k:06d}_lcam_front.png" for k in (3, 4))
+    succeed("flow", *images, "--model", live_model, *words, "picture")
+    trajectories = [Path(run, "trajectory_tum.txt").read_text() for run in ("odometry-disk", "odometry-live")]
     assert trajectories[0] == trajectories[1]
     live, disk = np.load("picture/flow.npz"), np.load("picture-disk/flow.npz")
     np.testing.assert_array_equal(live["flow_px"], disk["flow_px"])

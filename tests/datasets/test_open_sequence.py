@@ -39,7 +39,7 @@ def test_every_layout_is_guessed_and_opened(tmp_path, name):
 
 
 def test_guessing_knows_all_formats(tmp_path):
-    assert set(FORMATS) == {*MAKERS, "kitti", "tartanair", "video"}
+    assert set(FORMATS) == {*MAKERS, "kitti", "kitti-raw", "tartanair", "video"}
     (tmp_path / "film.MP4").write_bytes(b"")
     assert guess_format(tmp_path / "film.MP4") == "video"
     (tmp_path / "notes.txt").write_text("hello")

@@ -28,7 +28,16 @@ def run(
     method: Method = None,
     estimator: Annotated[str, typer.Option(help="lcmsac, mle or ransac.")] = "lcmsac",
     residual: Annotated[str | None, typer.Option(help="depth or epipolar; depth if the data has it.")] = None,
-    scale: Annotated[str, typer.Option(help="Without depth: none, or truth-norm.")] = "none",
+    scale: Annotated[
+        str, typer.Option(help="Without depth: none, truth-norm, gps-norm, camera-height or stereo.")
+    ] = "none",
+    height: Annotated[float, typer.Option(help="Height of the camera over the road [m].")] = 1.65,
+    self_calibrate: Annotated[
+        bool, typer.Option("--self-calibrate", help="Refine the camera's intrinsics from the images.")
+    ] = False,
+    boresight: Annotated[
+        str, typer.Option(help="none, or causal: turn motions into the frame of the true poses.")
+    ] = "none",
     gate: Annotated[float | None, typer.Option(help="Texture gate [intensity²/px²].")] = None,
     frames: Annotated[int | None, typer.Option(min=2, help="Only the first so many frames.")] = None,
     format: Format = None,
@@ -49,7 +58,7 @@ def run(
     from flowlik.progress import terminal_progress
 
     result = odometry(
-        data, out, model, method, estimator, residual, scale, gate, frames, format, seed, command_line(),
-        terminal_progress, camera, frames_per_second,
+        data, out, model, method, estimator, residual, scale, height, self_calibrate, boresight, gate, frames,
+        format, seed, command_line(), terminal_progress, camera, frames_per_second,
     )  # fmt: skip
     show_run(result, json)

@@ -30,8 +30,9 @@ Format = Annotated[
     str | None,
     typer.Option(
         "--format",
-        help="Data format, guessed by default: kitti, kitti-flow, tartanair, sintel, middlebury-flow, "
-        "middlebury-stereo, flying-chairs, seven-scenes, tum-rgbd, euroc, image-folder or video.",
+        help="Data format, guessed by default: kitti, kitti-raw, kitti-flow, tartanair, sintel, "
+        "middlebury-flow, middlebury-stereo, flying-chairs, seven-scenes, tum-rgbd, euroc, "
+        "image-folder or video.",
     ),
 ]
 Camera = Annotated[

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from flowlik.cli.options import Json, Out, command_line, show_run
+from flowlik.cli.options import Json, Model, Out, command_line, show_run
 
 
 def run(
@@ -15,6 +15,11 @@ def run(
     full: Annotated[
         bool, typer.Option("--full", help="The whole forest at the paper's frame counts: hours.")
     ] = False,
+    kitti: Annotated[
+        Path | None,
+        typer.Option("--kitti", help="Root of KITTI odometry: the paper's Table III, with --model."),
+    ] = None,
+    model: Model = None,
     out: Out = Path("run"),
     json: Json = False,
 ) -> None:
@@ -27,6 +32,17 @@ def run(
     from flowlik.errors import DataError
     from flowlik.progress import terminal_progress
 
+    if kitti is not None:
+        from flowlik.commands.kitti import kitti_table
+
+        if model is None:
+            raise DataError("--kitti needs --model, a file that `flowlik calibrate` makes")
+        frames = 60 if quick else None
+        show_run(
+            kitti_table(kitti, model, out, frames=frames, command=command_line(), progress=terminal_progress),
+            json,
+        )
+        return
     if quick == full:
         raise DataError("say which size: flowlik reproduce --quick, or --full")
     plan = QUICK if quick else FULL

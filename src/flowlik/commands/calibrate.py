@@ -89,7 +89,9 @@ def calibrate(
     config = {"data": [str(d) for d in data], "method": method, "family": family, "schedule": schedule}
     run = RunFolder(out, command, config, seed)
     sequences = [open_sequence(folder, format) for folder in data]
-    task = Task(flow, (Index(), FLOW_INDEX), keep=index_form(flow).covariates)
+    # signals cost more flow, and flow on disk may have none
+    keep = index_form(flow).covariates if schedule == "index" else ()
+    task = Task(flow, (Index(), FLOW_INDEX), keep)
     most = max(2, BOOTSTRAP_BLOCKS // len(sequences))
     populations = []
     for sequence in sequences:

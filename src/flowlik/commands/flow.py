@@ -64,7 +64,7 @@ def flow(
     likelihood = load_likelihood(model)
     chosen = confirmed_method(likelihood.method or {}, method)
     image = read_grey(previous)
-    signals = likelihood.schedule.index.signals
+    signals = likelihood.signals
     m = measure(image, read_grey(current), chosen, likelihood.texture, signals=signals)
     if not len(m):
         raise DataError(f"{previous}: no flow vector could be measured (no texture?)")

@@ -14,6 +14,7 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.datasets import open_sequence
 from flowlik.datasets.base import Sequence
 from flowlik.egomotion import EgoMotion, Estimator, lcmsac, mle, ransac
+from flowlik.egomotion.self_calibration import Intrinsics, SelfCalibration
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.evaluation.drift import relative_pose_errors
 from flowlik.evaluation.evidence import outside_warning
@@ -22,10 +23,11 @@ from flowlik.files import atomic_write
 from flowlik.flow import confirmed_method, describe, flow_method, method_label
 from flowlik.flow.base import FlowMethod
 from flowlik.model_file import load_likelihood
-from flowlik.odometry import Odometry, ResidualKind, ScaleSource, features_of, run_odometry
+from flowlik.odometry import Odometry, ResidualKind, features_of, run_odometry
 from flowlik.progress import Progress, no_progress
 from flowlik.records import Record, protocol, select
 from flowlik.runs import RunFolder
+from flowlik.scale import SCALES, scale_source
 from flowlik.trajectory import Trajectory, write_kitti, write_tum
 
 ESTIMATORS = ("ransac", "lcmsac", "mle")
@@ -39,6 +41,9 @@ def odometry(
     estimator: str = "lcmsac",
     residual: str | None = None,
     scale: str = "none",
+    height_m: float = 1.65,
+    self_calibrate: bool = False,
+    boresight: str = "none",
     gate: float | None = None,
     frames: int | None = None,
     format: str | None = None,
@@ -65,8 +70,14 @@ def odometry(
         Estimator.
     residual : {"depth", "epipolar"}, optional
         By default known depth if the data has it.
-    scale : {"none", "truth-norm"}
+    scale : {"none", "truth-norm", "gps-norm", "camera-height", "stereo"}
         Where the length of each motion comes from without depth.
+    height_m : float
+        Height of the camera over the road [m], for the scale ``camera-height``.
+    self_calibrate : bool
+        Refine principal point and radial distortion from the images, without depth.
+    boresight : {"none", "causal"}
+        Whether motions are turned into the frame of the true poses, by what past frames say.
     gate : float, optional
         Texture gate [intensity^2/px^2].
     frames : int, optional
@@ -90,11 +101,16 @@ def odometry(
         If options contradict one another or the data, or no frame at all could be solved.
     """
     flow, chosen = choose(estimator, model, method, gate)
-    if scale not in ("none", "truth-norm"):
-        raise DataError(f"unknown scale source {scale!r}: known are none, truth-norm")
+    if scale not in SCALES:
+        raise DataError(f"unknown scale source {scale!r}: known are {', '.join(SCALES)}")
+    if boresight not in ("none", "causal"):
+        raise DataError(f"unknown boresight {boresight!r}: known are none, causal")
     sequence = open_sequence(data, format, camera, frames_per_second)
     kind = _residual_kind(sequence, residual)
+    source = scale_source(scale, sequence, height_m)
     if kind == "depth":
+        if self_calibrate:
+            raise DataError("--self-calibrate refines the camera where depth is unknown: --residual epipolar")
         scale = "depth"
     config = {
         "data": str(data), "model": None if model is None else str(model), "estimator": estimator,
@@ -104,10 +120,13 @@ def odometry(
     count = len(sequence) if frames is None else min(frames, len(sequence))
     # a pose file that cannot be used is told before the work, not after it
     truth = true_trajectory(sequence, count)
+    if boresight == "causal" and truth is None:
+        raise DataError(f"{sequence.name}: --boresight causal needs poses, which this data set does not have")
     run = RunFolder(out, command, config, seed)
 
-    robot = Odometry(sequence.camera, flow, chosen, seed)
-    loop = run_odometry(sequence, robot, kind, cast(ScaleSource, scale), frames)
+    settings = SelfCalibration() if self_calibrate else None
+    robot = Odometry(sequence.camera, flow, chosen, seed, source, settings, boresight == "causal")
+    loop = run_odometry(sequence, robot, kind, frames)
     start = time.perf_counter()
     motions = list(progress(loop, f"{estimator} on {sequence.name}", count - 1))
     seconds = time.perf_counter() - start
@@ -119,8 +138,10 @@ def odometry(
     write_kitti(run.begin() / "trajectory_kitti.txt", estimated)
     write_tum(run.path / "trajectory_tum.txt", estimated)
     _write_frames(run.path / "frames.csv", estimated, motions)
+    if robot.intrinsics:
+        write_intrinsics(run.path / "intrinsics.csv", robot.intrinsics)
     keys = {
-        "residual": kind, "scale": scale, "boresight": "none", "self_calibrate": "false",
+        "residual": kind, "scale": scale, "boresight": boresight, "self_calibrate": self_calibrate,
         "gate": "none" if gate is None else gate, "features": features_of(flow),
         "timestamps": getattr(sequence, "times_source", None),
     }  # fmt: skip
@@ -233,3 +254,13 @@ def _write_frames(path: Path, estimated: Trajectory, motions: list[EgoMotion]) -
                  motion.inlier_unit, motion.informative, motion.components,
                  f"{motion.outside:.4f}", motion.hypotheses, f"{motion.log_prob:.3f}", excluded]
             )  # fmt: skip
+
+
+def write_intrinsics(path: Path, states: list[Intrinsics]) -> None:
+    """One row a frame: the refined parameters [px, 1] and their standard deviations."""
+    names = states[0].settings.names
+    with atomic_write(path) as file:
+        writer = csv.writer(file)
+        writer.writerow(["frame", *names, *(f"sigma_{name}" for name in names)])
+        for k, state in enumerate(states):
+            writer.writerow([k, *(f"{v:.6g}" for v in (*state.values, *state.sigma))])

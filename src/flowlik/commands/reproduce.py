@@ -229,7 +229,7 @@ def _fly(
 
 
 def _residuals(sequence: Sequence, method: FlowMethod, likelihood: FlowLikelihood) -> Iterator[KnownDepth]:
-    signals = likelihood.schedule.index.signals
+    signals = likelihood.signals
     for k in range(len(sequence) - 1):
         m = measure_features(sequence.image(k), sequence.image(k + 1), method, likelihood.texture, k, signals)
         yield KnownDepth.of(m, sequence.camera, sequence.depth(k))

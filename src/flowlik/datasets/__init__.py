@@ -44,6 +44,12 @@ def _open_kitti(path: Path) -> Sequence:
     return KittiOdometry(path)
 
 
+def _open_kitti_raw(path: Path) -> Sequence:
+    from flowlik.datasets.kitti_raw import KittiRaw
+
+    return KittiRaw(path)
+
+
 def _open_tartanair(path: Path) -> Sequence:
     from flowlik.datasets.tartanair import TartanAir
 
@@ -115,6 +121,7 @@ _BOTH = ("camera", "frames_per_second")
 FORMATS: dict[str, Format] = {
     "kitti-flow": Format(_open_kitti_flow, layouts.kitti_flow, "image_2, image_0 or colored_0 with flow_occ"),
     "kitti": Format(_open_kitti, layouts.kitti, "image_0 or image_2"),
+    "kitti-raw": Format(_open_kitti_raw, layouts.kitti_raw, "image_00 or image_02"),
     "tartanair": Format(_open_tartanair, layouts.tartanair, "image_lcam_front"),
     "sintel": Format(_open_sintel, layouts.sintel, "frame_NNNN.png, the folder being training/clean/SCENE"),
     "middlebury-flow": Format(_open_middlebury_flow, layouts.middlebury_flow, "frame10.png"),

@@ -19,6 +19,29 @@ from flowlik.trajectory import FRAME_RATE, read_kitti_poses, read_times
 IMAGE_FOLDERS = {"image_0": "P0", "image_2": "P2"}
 """Image folders in the order of preference, each with the row of ``calib.txt`` of its camera."""
 
+RIGHT_FOLDERS = {"image_0": "image_1", "image_2": "image_3"}
+IMAGE_FOLDERS_RIGHT = {"image_0": "P1", "image_2": "P3"}
+
+
+def find_sequences(root: Path | str) -> dict[str, Path]:
+    """Folders of KITTI odometry sequences by name, below a root of the official layout or of plain clips.
+
+    ``root/sequences/NN``, ``root/NN``, or the sequence itself.
+    """
+    root = Path(root)
+    for place in (root / "sequences", root):
+        if place.is_dir():
+            found = {
+                p.name: p for p in sorted(place.iterdir()) if any((p / n).is_dir() for n in IMAGE_FOLDERS)
+            }
+            if found:
+                return found
+    if any((root / name).is_dir() for name in IMAGE_FOLDERS):
+        return {root.resolve().name: root}
+    raise DataError(
+        f"{root}: no KITTI odometry sequence (expected sequences/NN/image_0 or NN/image_0 inside)"
+    )
+
 
 class KittiOdometry:
     """One sequence of the KITTI odometry benchmark, or a clip of one, as a `Sequence`.
@@ -58,7 +81,8 @@ class KittiOdometry:
         images = next((name for name in IMAGE_FOLDERS if (self.folder / name).is_dir()), None)
         if images is None:
             raise DataError(f"{self.folder}: no folder {' or '.join(IMAGE_FOLDERS)} in this KITTI sequence")
-        self._files = _numbered_images(self.folder / images)
+        self._images = images
+        self._files = numbered_images(self.folder / images)
         K, self._t_c_0 = read_calibration(self.folder / "calib.txt", IMAGE_FOLDERS[images])
         height, width = read_grey(self._files[0]).shape
         self._camera = Pinhole(width, height, *map(float, (K[0, 0], K[1, 1], K[0, 2], K[1, 2])))
@@ -85,6 +109,19 @@ class KittiOdometry:
     def timestamp(self, k: int) -> float:
         """Time [s] of frame k."""
         return float(self._timestamps[self._index(k)])
+
+    def right_image(self, k: int) -> NDArray[np.uint8]:
+        """Grey image (H, W) of the camera to the right, where its folder is there."""
+        path = self.folder / RIGHT_FOLDERS[self._images] / self._files[self._index(k)].name
+        if not path.is_file():
+            raise lacks(self.name, f"right image ({RIGHT_FOLDERS[self._images]}/{path.name})")
+        return read_grey(path)
+
+    @property
+    def baseline_m(self) -> float:
+        """Distance [m] of the camera to the right, by ``calib.txt``."""
+        _, t = read_calibration(self.folder / "calib.txt", IMAGE_FOLDERS_RIGHT[self._images])
+        return float(self._t_c_0[0] - t[0])
 
     def T_n_c(self, k: int) -> RigidTransform:
         """Return the true pose of frame k, which takes points in {c} to points in {n} [m]."""
@@ -173,7 +210,7 @@ def _calibration_rows(path: Path | str) -> list[tuple[str, list[float]]]:
     return rows
 
 
-def _numbered_images(folder: Path) -> list[Path]:
+def numbered_images(folder: Path) -> list[Path]:
     """PNG files of a folder in the order of their numbers, which must be consecutive."""
     files = list(folder.glob("*.png"))
     if not files:

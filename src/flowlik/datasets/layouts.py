@@ -22,6 +22,11 @@ def kitti(path: Path) -> bool:
     return _has_folder(path, "image_0", "image_2")
 
 
+def kitti_raw(path: Path) -> bool:
+    """Whether there are images of a raw drive's camera 0 or 2."""
+    return _has_folder(path, "image_00", "image_02")
+
+
 def tartanair(path: Path) -> bool:
     """Whether there are images of the left front camera."""
     return _has_folder(path, "image_lcam_front")

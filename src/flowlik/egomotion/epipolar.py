@@ -14,7 +14,7 @@ from flowlik.egomotion import _kernels
 from flowlik.egomotion.known_depth import KnownDepth
 from flowlik.egomotion.residual import Bound, InliersOf, count_inliers
 from flowlik.measurements import Measurements
-from flowlik.motion import decompose_essential, in_front
+from flowlik.motion import decompose_essential, in_front, skew
 from flowlik.schedule import Index
 
 ANGLES = 17
@@ -59,10 +59,13 @@ class Epipolar:
         z, _, J = _kernels.linearise_epipolar(T, *self._rays, self._focal)
         return z, J
 
+    def linearise_with_normal(self, T: Array) -> tuple[Array, Array, Array]:
+        """Distances z (N,) [px], unit normals (N, 2) of the lines in {i}, and Jacobian (N, 6)."""
+        return _kernels.linearise_epipolar(T, *self._rays, self._focal)
+
     def coordinates(self, T: Array, index: Index) -> Array:
         """Coordinates x (N,) along the normals of the epipolar lines."""
-        _, normal, _ = _kernels.linearise_epipolar(T, *self._rays, self._focal)
-        return index.along(self.measurements, normal)
+        return index.along(self.measurements, self.linearise_with_normal(T)[1])
 
     def basis(self, T: Array) -> Array:
         """Rotation, and translation orthogonal to its direction: (6, 5)."""
@@ -80,6 +83,10 @@ class Epipolar:
         first, second = (np.ascontiguousarray(rays[:, :2]) for rays in self._rays)
         solutions = [five_point(first[sample], second[sample]) for sample in samples]
         return np.concatenate([np.empty((0, 3, 3)), *solutions])
+
+    def hypothesis(self, T: Array) -> Array:
+        """Essential matrix (3, 3) of a motion."""
+        return np.asarray(skew(T[:, 3]) @ T[:, :3])
 
     def bounds(self, bound: Bound, index: Index, kept: NDArray[np.bool_]) -> Array:
         """Bounds (N, 17) [px] over nodes of the normal's pseudo-angle: they depend on its direction."""

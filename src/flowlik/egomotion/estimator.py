@@ -19,6 +19,7 @@ BATCH = 50
 REFINEMENTS = 5
 STEPS = 30
 LOCAL_STEPS = 3
+ANNEALING = (8.0, 4.0, 2.0)
 INFORMATIVE_PX = 1.0
 LEAST_RECIPROCAL_CONDITION = 1e-9
 # a step that gains less is a tenth of a standard deviation at most
@@ -76,7 +77,8 @@ class Estimator:
         seed : int or Generator
             Draws the samples; the same seed gives the same result.
         start : RigidTransform, optional
-            Where minimal solutions start, for instance the previous motion; by default no motion.
+            A guess, for instance the previous motion: the first hypothesis, and where minimal solutions
+            start; by default no motion.
 
         Returns
         -------
@@ -95,8 +97,7 @@ class Estimator:
             return unsolved(Status.TOO_FEW, f"{n} flow vectors, {residual.minimal} needed", excluded)
         if residual.still():
             return unsolved(Status.STILL, "the flow is zero", excluded)
-        begin = (RigidTransform.identity() if start is None else start).as_matrix()[:3]
-        found, ambiguous, drawn = self._consensus(residual, kept, begin, np.random.default_rng(seed))
+        found, ambiguous, drawn = self._consensus(residual, kept, start, np.random.default_rng(seed))
         if found is None:
             return unsolved(Status.DEGENERATE, "no minimal sample has a solution", excluded)
 
@@ -137,14 +138,16 @@ class Estimator:
             return np.full(np.shape(x), self.radius_px)
         return self.likelihood.bound(x, self.confidence)
 
-    def _inliers(self, residual: Residual, T: Array, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def _inliers(
+        self, residual: Residual, T: Array, used: NDArray[np.bool_], widened: float = 1.0
+    ) -> NDArray[np.bool_]:
         """Components (C,) of `used` that are inliers of a motion, or belong to inlier vectors."""
         z, _ = residual.linearise(T)
         if self.radius_px is None:
             x = residual.coordinates(T, self.likelihood.schedule.index)
-            return used & (np.abs(z) <= self._bound(x))
+            return used & (np.abs(z) <= widened * self._bound(x))
         length = np.linalg.norm(np.where(used, z, 0.0).reshape(len(residual), -1), axis=1)
-        return used & np.repeat(length <= self.radius_px, residual.components_per_vector)
+        return used & np.repeat(length <= widened * self.radius_px, residual.components_per_vector)
 
     def _count(self, residual: Residual, inliers: NDArray[np.bool_]) -> int:
         """Number of inliers in the estimator's own unit."""
@@ -153,10 +156,15 @@ class Estimator:
         return int(inliers.reshape(len(residual), -1).any(axis=1).sum())
 
     def _consensus(
-        self, residual: Residual, kept: NDArray[np.bool_], start: Array, rng: np.random.Generator
+        self,
+        residual: Residual,
+        kept: NDArray[np.bool_],
+        start: RigidTransform | None,
+        rng: np.random.Generator,
     ) -> tuple[Array | None, bool, int]:
         """Sample, propose and score until a good sample has almost surely been drawn.
 
+        A start is the first hypothesis: where it explains the data, few samples remain to check it by.
         Returns the motion with most inliers, whether it is ambiguous, and how many samples were drawn.
         """
         index = self.likelihood.schedule.index
@@ -166,25 +174,47 @@ class Estimator:
         vectors = self.radius_px is not None
         units = self._count(residual, used)
         exponent = residual.minimal * (1 if vectors else residual.components_per_vector)
+
+        def inliers_of(T: Array) -> NDArray[np.bool_]:
+            return self._inliers(residual, T, used)
+
+        def draws(score: int) -> int:
+            good = min((score / units) ** exponent, 1 - 1e-12)
+            if good <= 0:
+                return self.most_hypotheses
+            return min(self.most_hypotheses, int(np.log(1 - self.success) / np.log1p(-good)) + 1)
+
         best, ambiguous, best_score, drawn, needed = None, False, 0, 0, self.most_hypotheses
+        begin = np.eye(4)[:3] if start is None else start.as_matrix()[:3]
+        if start is not None:
+            tracked = self._anneal(residual, residual.normalise(begin), used)
+            best, ambiguous = residual.motion(residual.hypothesis(tracked), inliers_of)
+            best_score = self._count(residual, inliers_of(best))
+            needed = draws(best_score)
         while drawn < needed:
-            samples = _draw(weights, min(BATCH, self.most_hypotheses - drawn), residual.minimal, rng)
+            samples = _draw(weights, min(BATCH, needed - drawn), residual.minimal, rng)
             drawn += len(samples)
-            hypotheses = residual.propose(samples, start)
+            hypotheses = residual.propose(samples, begin)
             if not len(hypotheses):
                 continue
             scores = residual.score(hypotheses, bounds, vectors)
             if scores.max() > best_score:
                 hypothesis, best_score = hypotheses[scores.argmax()], int(scores.max())
-                best, ambiguous = residual.motion(hypothesis, lambda T: self._inliers(residual, T, used))
+                best, ambiguous = residual.motion(hypothesis, inliers_of)
                 # local optimisation: a minimal sample carries its own noise
-                better, _ = self._maximise(residual, best, self._inliers(residual, best, used), LOCAL_STEPS)
-                score = self._count(residual, self._inliers(residual, better, used))
+                better, _ = self._maximise(residual, best, inliers_of(best), LOCAL_STEPS)
+                score = self._count(residual, inliers_of(better))
                 if score >= best_score:
                     best, best_score = better, score
-                good = min((best_score / units) ** exponent, 1 - 1e-12)
-                needed = min(self.most_hypotheses, int(np.log(1 - self.success) / np.log1p(-good)) + 1)
+                needed = draws(best_score)
         return best, ambiguous, drawn
+
+    def _anneal(self, residual: Residual, T: Array, used: NDArray[np.bool_]) -> Array:
+        """Follow the likelihood from a guess, its errors first taken to be several times as wide."""
+        for widened in ANNEALING:
+            chosen = self._inliers(residual, T, used, widened)
+            T, _ = self._maximise(residual, T, chosen, LOCAL_STEPS, widened)
+        return self._maximise(residual, T, self._inliers(residual, T, used), LOCAL_STEPS)[0]
 
     def _sampling_weights(self, residual: Residual, kept: NDArray[np.bool_]) -> Array:
         """Draw a vector in proportion to the root of its weaker component's information; gated ones last."""
@@ -203,15 +233,25 @@ class Estimator:
         return self._maximise(residual, T, used) if self.refine_all else (T, log_prob)
 
     def _maximise(
-        self, residual: Residual, T: Array, chosen: NDArray[np.bool_], steps: int = STEPS
+        self,
+        residual: Residual,
+        T: Array,
+        chosen: NDArray[np.bool_],
+        steps: int = STEPS,
+        widened: float = 1.0,
     ) -> tuple[Array, float]:
-        """Fisher scoring over chosen components; their coordinates x are held meanwhile."""
+        """Fisher scoring over chosen components; their coordinates x are held meanwhile.
+
+        Errors are taken to be `widened` times as wide as the likelihood says.
+        """
         tables = self.likelihood.compiled
         x = residual.coordinates(T, self.likelihood.schedule.index)
         rows, fisher = tables.rows(x), self.likelihood.fisher(x)
 
         def equations(T: Array) -> tuple[Array, Array, float]:
             z, J = residual.linearise(T)
+            if widened != 1.0:
+                z, J = z / widened, J / widened
             usable = chosen & np.isfinite(z)
             H, b, log_prob = normal_equations(z, J, rows, fisher, usable, tables.log_prob, tables.weight)
             return H, b, log_prob - LOST_NAT * (chosen.sum() - usable.sum())

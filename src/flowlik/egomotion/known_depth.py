@@ -85,6 +85,10 @@ class KnownDepth:
         motions, converged = _kernels.three_point_motions(samples, start, directions, rho, ends, self._camera)
         return motions[converged]
 
+    def hypothesis(self, T: Array) -> Array:
+        """Return the motion, which is a hypothesis."""
+        return T
+
     def bounds(self, bound: Bound, index: Index, kept: NDArray[np.bool_]) -> Array:
         """Bounds (N, 2) [px], -1 where left out."""
         return np.where(kept, bound(index.of(self.measurements)), -1.0)

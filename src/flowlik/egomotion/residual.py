@@ -60,6 +60,10 @@ class Residual(Protocol):
         """Hypotheses (M, ...) of minimal samples (K, minimal) of vectors."""
         ...
 
+    def hypothesis(self, T: Array) -> Array:
+        """Hypothesis that stands for a motion (3, 4)."""
+        ...
+
     def bounds(self, bound: Bound, index: Index, kept: NDArray[np.bool_]) -> Array:
         """Bounds [px] in the form `score` takes; components not in ``kept`` (N, 2) are left out."""
         ...

@@ -1,0 +1,175 @@
+"""KITTI raw: a synchronised and rectified drive, with poses from its OXTS (GPS and inertial) unit."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from flowlik.camera import Pinhole
+from flowlik.datasets.base import frame_index, lacks, read_grey
+from flowlik.datasets.kitti import numbered_images
+from flowlik.errors import DataError
+from flowlik.files import numbers, read_table, read_text
+from flowlik.trajectory import FRAME_RATE, check_times
+
+EARTH_RADIUS_M = 6378137.0
+OXTS_COLUMNS = 30
+FOLDERS = {"image_00": "00", "image_02": "02"}
+RIGHT = {"00": "01", "02": "03"}
+
+
+class KittiRaw:
+    """One drive of KITTI raw (``..._sync``), as a `Sequence`.
+
+    Images are those of ``image_00``, else of ``image_02`` (as grey), rectified. `T_n_c` comes from OXTS: its
+    position (Mercator's projection, as in KITTI's devkit), attitude, and the lever arm from the unit to the
+    camera by ``calib_imu_to_velo.txt``, ``calib_velo_to_cam.txt`` and ``calib_cam_to_cam.txt``. {n} is the
+    first camera.
+
+    Parameters
+    ----------
+    folder : Path or str
+        The drive, with ``image_00/data`` or ``image_02/data`` and, for poses, ``oxts/data``; the calibration
+        stands in the folder above (the day's), or in this one.
+
+    Raises
+    ------
+    DataError
+        If images or calibration are missing or wrong, or images and OXTS rows differ in number.
+    """
+
+    times_source = "frame/10s"
+
+    def __init__(self, folder: Path | str) -> None:
+        self.folder = Path(folder)
+        self.name = f"kitti-raw/{self.folder.resolve().name}"
+        if not self.folder.is_dir():
+            raise DataError(f"{self.folder}: no such folder")
+        images = next((name for name in FOLDERS if (self.folder / name / "data").is_dir()), None)
+        if images is None:
+            raise DataError(
+                f"{self.folder}: no folder image_00/data or image_02/data in this KITTI raw drive"
+            )
+        self._number = FOLDERS[images]
+        self._files = numbered_images(self.folder / images / "data")
+        self._P = self._calibration("calib_cam_to_cam.txt", f"P_rect_{self._number}", 12).reshape(3, 4)
+        height, width = read_grey(self._files[0]).shape
+        self._camera = Pinhole(width, height, *map(float, self._P[[0, 1, 0, 1], [0, 1, 2, 2]]))
+        self._timestamps = self._read_times(self.folder / images / "timestamps.txt")
+
+    @property
+    def camera(self) -> Pinhole:
+        """The camera of every frame."""
+        return self._camera
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self._files)
+
+    def image(self, k: int) -> NDArray[np.uint8]:
+        """Grey image (H, W) of frame k."""
+        return read_grey(self._files[frame_index(self, k)])
+
+    def right_image(self, k: int) -> NDArray[np.uint8]:
+        """Grey image (H, W) of the camera to the right."""
+        path = self.folder / f"image_{RIGHT[self._number]}" / "data" / self._files[frame_index(self, k)].name
+        if not path.is_file():
+            raise lacks(self.name, f"right image {path.name}")
+        return read_grey(path)
+
+    @property
+    def baseline_m(self) -> float:
+        """Distance [m] of the camera to the right."""
+        P = self._calibration("calib_cam_to_cam.txt", f"P_rect_{RIGHT[self._number]}", 12).reshape(3, 4)
+        return float((self._P[0, 3] - P[0, 3]) / P[0, 0])
+
+    def timestamp(self, k: int) -> float:
+        """Time [s] of frame k, from the first."""
+        return float(self._timestamps[frame_index(self, k)])
+
+    def T_n_c(self, k: int) -> RigidTransform:
+        """Return the pose of frame k by OXTS, which takes points in {c} to points in {n} [m]."""
+        return self._poses[frame_index(self, k)]
+
+    @property
+    def gps_positions(self) -> NDArray[np.float64]:
+        """Positions (N, 3) [m] of the camera by OXTS: of the unit, moved by the lever arm."""
+        return np.asarray(self._poses.translation, dtype=np.float64)
+
+    def depth(self, k: int) -> NDArray[np.float64]:
+        """Raise: KITTI raw has no depth here."""
+        raise lacks(self.name, "depth")
+
+    def flow(self, k: int) -> NDArray[np.float64]:
+        """Raise: KITTI raw has no true flow."""
+        raise lacks(self.name, "true flow")
+
+    @cached_property
+    def _poses(self) -> RigidTransform:
+        folder = self.folder / "oxts" / "data"
+        files = sorted(folder.glob("*.txt"))
+        if not files:
+            raise lacks(self.name, f"poses ({folder}/*.txt)")
+        if len(files) != len(self):
+            raise DataError(f"{folder}: {len(files)} OXTS rows for the {len(self)} images of {self.name}")
+        layout = f"{OXTS_COLUMNS} numbers (KITTI OXTS: lat lon alt roll pitch yaw …)"
+        rows = np.array([read_table(path, OXTS_COLUMNS, layout)[0][0] for path in files])
+        poses = oxts_poses(rows) * self._T_imu_c()
+        return poses[0].inv() * poses
+
+    def _T_imu_c(self) -> RigidTransform:
+        """Takes points in the rectified camera to points in the OXTS unit."""
+        chain = RigidTransform.identity()
+        for file in ("calib_imu_to_velo.txt", "calib_velo_to_cam.txt"):
+            R, t = self._calibration(file, "R", 9), self._calibration(file, "T", 3)
+            chain = RigidTransform.from_components(t, Rotation.from_matrix(R.reshape(3, 3))) * chain
+        R = self._calibration("calib_cam_to_cam.txt", "R_rect_00", 9).reshape(3, 3)
+        aside = RigidTransform.from_translation([self._P[0, 3] / self._P[0, 0], 0, 0])
+        return (aside * RigidTransform.from_rotation(Rotation.from_matrix(R)) * chain).inv()
+
+    def _calibration(self, file: str, row: str, count: int) -> NDArray[np.float64]:
+        places = [self.folder.resolve().parent / file, self.folder / file]
+        path = next((place for place in places if place.is_file()), None)
+        if path is None:
+            raise DataError(f"{places[0]}: no such file, but this KITTI raw drive needs it")
+        for line in read_text(path).splitlines():
+            name, colon, values = line.partition(":")
+            if colon and name.strip() == row:
+                found = numbers(values.split(), f"{path}, row {row}")
+                if len(found) != count:
+                    raise DataError(f"{path}, row {row}: {len(found)} numbers, but expected {count}")
+                return np.array(found)
+        raise DataError(f"{path}: no row {row}")
+
+    def _read_times(self, path: Path) -> NDArray[np.float64]:
+        if not path.is_file():
+            return np.arange(len(self)) / FRAME_RATE
+        try:
+            stamps = np.array(
+                [np.datetime64(line.strip(), "ns") for line in read_text(path).split("\n") if line]
+            )
+        except ValueError as error:
+            raise DataError(f"{path}: not times such as '2011-09-26 13:02:25.964389445' ({error})") from error
+        if len(stamps) != len(self):
+            raise DataError(f"{path}: {len(stamps)} times for the {len(self)} images of {self.name}")
+        seconds = (stamps - stamps[0]).astype(np.int64) / 1e9
+        check_times(seconds, str(path))
+        self.times_source = "timestamps.txt"
+        return np.asarray(seconds, dtype=np.float64)
+
+
+def oxts_poses(rows: NDArray[np.float64]) -> RigidTransform:
+    """Poses (N,) of the OXTS unit from its rows (N, 30): latitude, longitude [deg], altitude, attitude [rad].
+
+    The unit's axes are forward, left, up; the world's east, north, up. Source: KITTI raw devkit,
+    ``convertOxtsToPose``.
+    """
+    scale = np.cos(np.deg2rad(rows[0, 0]))
+    east = scale * EARTH_RADIUS_M * np.deg2rad(rows[:, 1])
+    north = scale * EARTH_RADIUS_M * np.log(np.tan(np.pi / 4 + np.deg2rad(rows[:, 0]) / 2))
+    positions = np.stack([east, north, rows[:, 2]], axis=-1)
+    return RigidTransform.from_components(positions, Rotation.from_euler("xyz", rows[:, 3:6]))

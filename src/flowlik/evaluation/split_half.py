@@ -1,0 +1,78 @@
+"""Split-half noise: what two disjoint halves of the measurements disagree by. It needs no truth.
+
+Truth has its own noise, which on real roads is larger than that of the estimates; an error that both halves
+share, as that of wrong intrinsics, does not show here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Seq
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import RigidTransform
+from scipy.stats import chi2
+
+from flowlik.camera import Array
+from flowlik.egomotion import EgoMotion
+
+TILE_PX = 64
+LEAST_STEP_M = 0.3
+# median length of a two-dimensional normal, and median absolute value of a normal, of unit deviation
+RAYLEIGH_MEDIAN, NORMAL_MEDIAN = 1.177, 0.6745
+
+
+def halves(pixels: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Masks (N,) of two halves: the white and the black tiles, 64 px wide, of a chessboard."""
+    tile = np.floor(pixels / TILE_PX).astype(int).sum(axis=1)
+    return tile % 2 == 0, tile % 2 == 1
+
+
+def direction_noise_mrad(first: RigidTransform, second: RigidTransform) -> float:
+    """Noise [mrad] of a pair's direction an axis, from the motions T_k_prev (K,) of both halves.
+
+    The difference of the unit directions across the optical axis has a median length of 1.177 deviations
+    and twice a half's variance, which is twice a whole pair's.
+    """
+    difference = (_direction(first) - _direction(second))[:, :2]
+    return float(1000 * np.median(np.linalg.norm(difference, axis=1)) / (2 * RAYLEIGH_MEDIAN))
+
+
+def rotation_noise_mdeg(first: RigidTransform, second: RigidTransform) -> float:
+    """Noise [0.001 deg] of a pair's rotation an axis, the three axes pooled."""
+    omega = np.rad2deg((first.rotation * second.rotation.inv()).as_rotvec())
+    return float(1000 * np.median(np.abs(omega)) / (2 * NORMAL_MEDIAN))
+
+
+def half_distances(first: Seq[EgoMotion], second: Seq[EgoMotion]) -> Array:
+    """Squared Mahalanobis distances (K,) between both halves' motions, of five degrees of freedom.
+
+    Their predicted covariance is the sum of the halves' own. Lengths of translation are unit.
+    """
+    squared = []
+    for a, b in zip(first, second):
+        t = a.T_k_prev.translation / np.linalg.norm(a.T_k_prev.translation)
+        # rotation, and translation in the plane orthogonal to its direction
+        plane = np.linalg.svd(t[None])[2][1:]
+        basis = np.zeros((6, 5))
+        basis[:3, :3], basis[3:, 3:] = np.eye(3), plane.T
+        change = np.concatenate(
+            [
+                (a.T_k_prev.rotation * b.T_k_prev.rotation.inv()).as_rotvec(),
+                a.T_k_prev.translation - b.T_k_prev.translation,
+            ]
+        )
+        e, C = basis.T @ change, basis.T @ (a.covariance + b.covariance) @ basis
+        squared.append(float(e @ np.linalg.solve(C, e)))
+    return np.array(squared)
+
+
+def half_coverage(distances: Array, confidence: float) -> float:
+    """Share of split-half differences within the predicted region of a confidence."""
+    return float(np.mean(distances <= chi2.ppf(confidence, 5)))
+
+
+def _direction(motions: RigidTransform) -> Array:
+    """Unit directions (K, 3) from the previous camera's centre to the current one's, in its frame."""
+    moves = np.atleast_2d(motions.inv().translation)
+    return np.asarray(moves / np.linalg.norm(moves, axis=1, keepdims=True))

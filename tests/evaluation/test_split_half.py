@@ -1,0 +1,57 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from flowlik.egomotion import EgoMotion, Status
+from flowlik.evaluation.split_half import (
+    direction_noise_mrad,
+    half_coverage,
+    half_distances,
+    halves,
+    rotation_noise_mdeg,
+)
+from flowlik.motion import exp_se3
+
+
+def test_halves_are_a_chessboard_of_64_pixels():
+    pixels = np.array([[0, 0], [63.9, 63.9], [64, 0], [0, 64], [64, 64], [130, 70]], float)
+    first, second = halves(pixels)
+    np.testing.assert_array_equal(first, [True, True, False, False, True, False])
+    np.testing.assert_array_equal(second, ~first)
+
+
+def noisy(rng, count, sigma_direction, sigma_rotation):
+    """Motions ahead with independent noise of direction [rad] and rotation [rad] in each axis."""
+    moves = np.tile([0, 0, 1.0], (count, 1))
+    moves[:, :2] += sigma_direction * rng.standard_normal((count, 2))
+    moves /= np.linalg.norm(moves, axis=1, keepdims=True)
+    turns = Rotation.from_rotvec(sigma_rotation * rng.standard_normal((count, 3)))
+    return RigidTransform.from_rotation(turns) * RigidTransform.from_translation(moves).inv()
+
+
+def test_the_noise_is_that_of_all_measurements_together():
+    rng = np.random.default_rng(0)
+    halves_of = [noisy(rng, 4000, 2e-3, 0.0) for _ in range(2)]
+    # a half has sqrt 2 times the noise of the whole
+    assert direction_noise_mrad(*halves_of) == pytest.approx(2.0 / np.sqrt(2), rel=0.05)
+    turned = [noisy(rng, 4000, 0.0, np.deg2rad(0.01)) for _ in range(2)]
+    assert rotation_noise_mdeg(*turned) == pytest.approx(10.0 / np.sqrt(2), rel=0.05)
+
+
+def test_a_right_covariance_covers_the_differences():
+    rng = np.random.default_rng(1)
+    sigma = np.array([1e-4, 2e-4, 3e-4, 1e-3, 2e-3])
+    information = np.diag(np.append(1 / sigma**2, 0.0))
+
+    def estimate():
+        xi = sigma * rng.standard_normal(5)
+        t = np.append(xi[3:], 1.0)
+        T = exp_se3(np.append(xi[:3], np.zeros(3)))
+        T = RigidTransform.from_components(t / np.linalg.norm(t), T.rotation)
+        return EgoMotion(T, information, Status.SOLVED)
+
+    first, second = ([estimate() for _ in range(600)] for _ in range(2))
+    distances = half_distances(first, second)
+    assert distances.mean() == pytest.approx(5, rel=0.1)
+    for confidence in (0.5, 0.9, 0.95):
+        assert half_coverage(distances, confidence) == pytest.approx(confidence, abs=0.06)
