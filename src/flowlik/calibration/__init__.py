@@ -1,5 +1,7 @@
 """Calibration: errors against truth, their sketch, and the fit of a look-up table."""
 
+from flowlik.calibration.cache import SketchCache
+from flowlik.calibration.executors import executor
 from flowlik.calibration.fit import bootstrap, choose_smoothing, fit, place_knots
 from flowlik.calibration.run import (
     Block,
@@ -15,10 +17,12 @@ from flowlik.calibration.sketch import ErrorSketch, merge_all
 __all__ = [
     "Block",
     "ErrorSketch",
+    "SketchCache",
     "Task",
     "bootstrap",
     "calibrate",
     "choose_smoothing",
+    "executor",
     "fit",
     "gather",
     "merge_all",
