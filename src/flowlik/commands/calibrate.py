@@ -9,13 +9,14 @@ from pathlib import Path
 from flowlik.calibration import (
     ErrorSketch,
     Task,
+    gather,
     merge_all,
-    sketch_blocks,
     split_blocks,
 )
 from flowlik.calibration import (
     calibrate as fit_likelihood,
 )
+from flowlik.commands.sketching import Execution, sketch_for_run
 from flowlik.datasets import open_sequence
 from flowlik.evaluation import evidence
 from flowlik.evaluation.goodness import outside_range
@@ -38,6 +39,7 @@ def calibrate(
     seed: int = 0,
     command: str = "flowlik calibrate",
     progress: Progress = no_progress,
+    execution: Execution = Execution(),  # noqa: B008
 ) -> RunFolder:
     """Calibrate a flow method on sequences with true flow.
 
@@ -59,6 +61,8 @@ def calibrate(
         Command line that repeats the run.
     progress : Progress
         Told how far it is.
+    execution : Execution
+        Where to measure, and whether to keep the sketches.
 
     Returns
     -------
@@ -71,9 +75,11 @@ def calibrate(
     run = RunFolder(out, command, {"data": [str(d) for d in data], "method": method, "family": family}, seed)
     sequences = [open_sequence(folder, format) for folder in data]
     blocks = [block for sequence in sequences for block in split_blocks(sequence, seed)]
-    sketched = progress(sketch_blocks(blocks, [Task(flow)]), f"errors of {label}", len(blocks))
-    sketches = [sketches[0] for sketches in sketched]
     names = ", ".join(sequence.name for sequence in sequences)
+    found = sketch_for_run(
+        run, blocks, [Task(flow)], f"errors of {label}", execution, progress, dataset=names, flow=label
+    )
+    sketches = [sketch for kind in gather(found, len(blocks)) for sketch in kind]
     fitted = fit_families(sketches, flow, {"data": names, "seed": seed})
     models = {family: fitted[family], **fitted}
     add_evidence(run, sketches, models, names, label=label, seed=seed, split="calibration")
