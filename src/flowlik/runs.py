@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -53,6 +53,7 @@ class RunFolder:
     warnings: list[str] = field(default_factory=list)
     _written: set[Path] = field(default_factory=set)
     _begun: bool = False
+    _at_end: list[Callable[[], object]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.path = Path(self.path)
@@ -90,6 +91,10 @@ class RunFolder:
         if message not in self.warnings:
             self.warnings.append(message)
 
+    def at_end(self, action: Callable[[], object]) -> None:
+        """Do something once the run is finished, such as to delete what only an interrupted one needs."""
+        self._at_end.append(action)
+
     def finish(self) -> Path:
         """Write metrics and ``run.json``, draw figures and page, and return the page's path."""
         from flowlik.report import build
@@ -108,6 +113,8 @@ class RunFolder:
         }
         write_json(self.path / FINISHED, description)
         (self.path / UNFINISHED).unlink()
+        for action in self._at_end:
+            action()
         return build(self.path)
 
 

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from flowlik.errors import CalibrationError, DataError
 from flowlik.flow import Farneback, LucasKanade
 from flowlik.simulation import simulate
 
+PATH = os.pathsep.join(sys.path)
 TASKS = (Task(Farneback()), Task(LucasKanade()))
 
 
@@ -77,6 +79,26 @@ def test_the_death_of_a_process_is_one_clear_error(sequence):
     blocks = split_blocks(Deadly(sequence, 3, None), 0, 2)
     with executor("processes", 1) as process_map, pytest.raises(CalibrationError, match="again to go on"):
         list(sketch_blocks(blocks, TASKS, process_map))
+
+
+def test_no_process_outlives_its_parent():
+    program = """
+from flowlik.calibration.executors import executor
+with executor("processes", 1) as process_map:
+    for pid in process_map(eval, ["__import__('os').getpid()", "__import__('time').sleep(60)"]):
+        print(pid, flush=True)
+"""
+    words = [sys.executable, "-c", program]
+    environment = {**os.environ, "PYTHONPATH": PATH}
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True, env=environment) as parent:
+        worker = int(parent.stdout.readline())
+        parent.kill()
+        try:
+            # the worker holds the other end of this pipe as long as it lives
+            parent.communicate(timeout=30)
+        except subprocess.TimeoutExpired:
+            os.kill(worker, signal.SIGKILL)
+            pytest.fail("the worker still lives")
 
 
 def test_bad_data_is_the_same_error_from_a_process(sequence):

@@ -1,5 +1,7 @@
 """Calibration: errors against truth, their sketch, and the fit of a look-up table."""
 
+from flowlik.calibration.cache import SketchCache
+from flowlik.calibration.executors import executor
 from flowlik.calibration.fit import SMOOTHING_NAT, bootstrap, choose_smoothing, fit, place_knots
 from flowlik.calibration.learn import Rows, learn_index
 from flowlik.calibration.run import (
@@ -31,11 +33,13 @@ __all__ = [
     "ErrorSketch",
     "IndexForm",
     "Rows",
+    "SketchCache",
     "Task",
     "bootstrap",
     "calibrate",
     "check_schedule",
     "choose_smoothing",
+    "executor",
     "fit",
     "gather",
     "index_form",

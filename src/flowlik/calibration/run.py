@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from flowlik.calibration.cache import SketchCache
 from flowlik.calibration.fit import choose_smoothing, fit, fit_constant
 from flowlik.calibration.sketch import ErrorSketch, merge_all
 from flowlik.camera import Array
@@ -176,15 +177,45 @@ def sketch_blocks(
     blocks: Seq[Block],
     tasks: Seq[Task],
     map: Callable[..., Iterable[list[ErrorSketch]]] = map,
+    cache: SketchCache | None = None,
 ) -> Iterator[list[ErrorSketch]]:
     """Sketches of blocks through any `map`: serial, that of a process pool, or a cluster's.
+
+    Parameters
+    ----------
+    blocks, tasks : sequence
+        What to sketch.
+    map : callable
+        From `flowlik.calibration.executors.executor`, or like the built-in one.
+    cache : SketchCache, optional
+        Where each block's sketches are saved as they come, and from which they are read if they are there.
 
     Yields
     ------
     list of ErrorSketch
-        For each block, what `sketch_block` gives.
+        For each block in order, what `sketch_block` gives.
+
+    Raises
+    ------
+    DataError
+        If data cannot be read, or the cache belongs to another calibration.
     """
-    yield from map(sketch_block, blocks, [tuple(tasks)] * len(blocks))
+
+    def measured(blocks: Seq[Block]) -> Iterator[list[ErrorSketch]]:
+        yield from map(sketch_block, blocks, [tuple(tasks)] * len(blocks))
+
+    if cache is None:
+        yield from measured(blocks)
+        return
+    cache.open(blocks, tasks)
+    saved = [cache.has(i) for i in range(len(blocks))]
+    missing = measured([block for block, there in zip(blocks, saved) if not there])
+    for i, (block, there) in enumerate(zip(blocks, saved)):
+        found = cache.load(i) if there else None
+        if found is None:
+            found = next(measured([block]) if there else missing)
+            cache.save(i, found)
+        yield found
 
 
 def gather(

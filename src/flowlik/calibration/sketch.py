@@ -22,6 +22,8 @@ LEVELS = 56
 
 Z_BINS = Z_NODES - 1
 RESERVOIR_ROWS = 20_000
+# decimals of a row's error [px]: the last bits, which differ between processes, would not let a fit end alike
+ROUNDED_TO = 6
 PIECE = 1 << 14
 
 
@@ -86,7 +88,7 @@ class ErrorSketch:
     keys : array (K,)
         Random key of each reservoir row; a merge keeps the rows of smallest keys.
     rows : array (K, C + 1)
-        Covariates and ``s z`` [px] of a random choice of components.
+        Covariates and ``s z`` [px], to 1e-6 px, of a random choice of components.
     excluded : dict
         Counts of pixels left out, by reason.
     """
@@ -152,7 +154,9 @@ class ErrorSketch:
         keys = rng.random(len(z))
         chosen = _smallest(keys)
         short = z[chosen] * sign[chosen]
-        rows = np.stack([*(column[chosen] for column in values.values()), short], axis=-1)
+        rows = np.stack(
+            [*(column[chosen] for column in values.values()), np.round(short, ROUNDED_TO)], axis=-1
+        )
         sketch._count(values, z, sign)
         frames = (sketch.by_level.sum(axis=1) > 0).astype(np.int64)
         return cls(

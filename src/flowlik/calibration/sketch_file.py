@@ -14,6 +14,9 @@ from flowlik.errors import DataError
 from flowlik.files import atomic_write
 from flowlik.schedule import index_of_values, index_values
 
+LAYOUT = 1
+"""Number of what sketches count and how they are kept; one more makes saved ones of older code unusable."""
+
 ARRAYS = ("counts", "by_level", "errors", "frames", "keys", "rows")
 
 

@@ -7,7 +7,19 @@ from typing import Annotated
 
 import typer
 
-from flowlik.cli.options import METHOD_HELP, Format, Json, Out, Seed, command_line, show_run
+from flowlik.cli.options import (
+    METHOD_HELP,
+    Executor,
+    Format,
+    Json,
+    KeepSketches,
+    Out,
+    Scheduler,
+    Seed,
+    Workers,
+    command_line,
+    show_run,
+)
 
 
 def run(
@@ -25,6 +37,10 @@ def run(
     ] = "index",
     format: Format = None,
     seed: Seed = 0,
+    executor: Executor = "serial",
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    keep_sketches: KeepSketches = False,
     json: Json = False,
 ) -> None:
     """Calibrate a flow method on data with truth: a model file and evidence of how well it fits.
@@ -32,7 +48,11 @@ def run(
     Example: `flowlik calibrate data --method lucas-kanade --out calibration`
     """
     from flowlik.commands.calibrate import calibrate
+    from flowlik.commands.sketching import Execution
     from flowlik.progress import terminal_progress
 
-    result = calibrate(data, method, out, family, schedule, format, seed, command_line(), terminal_progress)
+    execution = Execution(executor, workers, scheduler, keep_sketches)
+    result = calibrate(
+        data, method, out, family, schedule, format, seed, command_line(), terminal_progress, execution
+    )
     show_run(result, json)

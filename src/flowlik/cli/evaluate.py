@@ -7,7 +7,19 @@ from typing import Annotated
 
 import typer
 
-from flowlik.cli.options import Format, Json, Method, Out, Seed, command_line, show_run
+from flowlik.cli.options import (
+    Executor,
+    Format,
+    Json,
+    KeepSketches,
+    Method,
+    Out,
+    Scheduler,
+    Seed,
+    Workers,
+    command_line,
+    show_run,
+)
 
 
 def run(
@@ -17,6 +29,10 @@ def run(
     format: Format = None,
     method: Method = None,
     seed: Seed = 0,
+    executor: Executor = "serial",
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    keep_sketches: KeepSketches = False,
     json: Json = False,
 ) -> None:
     """Check whether a model tells the truth on other data: log score, K-S over texture, coverage.
@@ -24,6 +40,9 @@ def run(
     Example: `flowlik evaluate calibration/models/lucas-kanade.json other --out evaluation`
     """
     from flowlik.commands.evaluate import evaluate
+    from flowlik.commands.sketching import Execution
     from flowlik.progress import terminal_progress
 
-    show_run(evaluate(model, data, out, format, method, seed, command_line(), terminal_progress), json)
+    execution = Execution(executor, workers, scheduler, keep_sketches)
+    run = evaluate(model, data, out, format, method, seed, command_line(), terminal_progress, execution)
+    show_run(run, json)

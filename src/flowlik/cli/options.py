@@ -45,6 +45,20 @@ FrameRate = Annotated[
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the metrics as JSON on standard output.")]
 
+Executor = Annotated[
+    str, typer.Option("--executor", help="Where to measure: serial, processes, or dask (extra `cluster`).")
+]
+Workers = Annotated[
+    int | None, typer.Option("--workers", min=1, help="Processes on this machine; one a core by default.")
+]
+Scheduler = Annotated[
+    str | None, typer.Option("--scheduler", help="Address of a Dask scheduler; by default a local cluster.")
+]
+KeepSketches = Annotated[
+    bool,
+    typer.Option("--keep-sketches", help="Leave the sketches in the run's folder, for a repeated run."),
+]
+
 
 def command_line() -> str:
     """Return the command as it was typed."""

@@ -16,12 +16,12 @@ from flowlik.calibration import (
     index_form,
     merge_all,
     schedule_index,
-    sketch_blocks,
     split_blocks,
 )
 from flowlik.calibration import (
     calibrate as fit_likelihood,
 )
+from flowlik.commands.sketching import Execution, sketch_for_run
 from flowlik.datasets import open_sequence
 from flowlik.evaluation import evidence
 from flowlik.evaluation.goodness import outside_range
@@ -48,6 +48,7 @@ def calibrate(
     seed: int = 0,
     command: str = "flowlik calibrate",
     progress: Progress = no_progress,
+    execution: Execution = Execution(),  # noqa: B008
 ) -> RunFolder:
     """Calibrate a flow method on sequences with true flow.
 
@@ -71,6 +72,8 @@ def calibrate(
         Command line that repeats the run.
     progress : Progress
         Told how far it is.
+    execution : Execution
+        Where to measure, and whether to keep the sketches.
 
     Returns
     -------
@@ -94,10 +97,13 @@ def calibrate(
     task = Task(flow, (Index(), FLOW_INDEX), keep)
     most = max(2, BOOTSTRAP_BLOCKS // len(sequences))
     populations = []
-    for sequence in sequences:
+    for number, sequence in enumerate(sequences):
         blocks = split_blocks(sequence, seed)
-        sketched = progress(sketch_blocks(blocks, [task]), f"{label} on {sequence.name}", len(blocks))
-        populations.append(gather(sketched, len(blocks), most))
+        found = sketch_for_run(
+            run, blocks, [task], f"{label} on {sequence.name}", execution, progress, f"sketches-{number}",
+            dataset=sequence.name, flow=label,
+        )  # fmt: skip
+        populations.append(gather(found, len(blocks), most))
     names = ", ".join(sequence.name for sequence in sequences)
     provenance: dict[str, object] = {"data": names, "seed": seed}
     by_texture, by_flow = ([block for p in populations if p for block in p[kind]] for kind in (0, 1))

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from flowlik.calibration import Task, sketch_blocks, split_blocks
+from flowlik.calibration import Task, gather, split_blocks
 from flowlik.commands.calibrate import add_evidence
+from flowlik.commands.sketching import Execution, sketch_for_run
 from flowlik.datasets import open_sequence
 from flowlik.errors import DataError
 from flowlik.flow import confirmed_method, method_label
@@ -24,6 +25,7 @@ def evaluate(
     seed: int = 0,
     command: str = "flowlik evaluate",
     progress: Progress = no_progress,
+    execution: Execution = Execution(),  # noqa: B008
 ) -> RunFolder:
     """Evaluate a model on sequences with true flow: log score, K-S over texture, coverage.
 
@@ -45,6 +47,8 @@ def evaluate(
         Command line that repeats the run.
     progress : Progress
         Told how far it is.
+    execution : Execution
+        Where to measure, and whether to keep the sketches.
 
     Raises
     ------
@@ -54,13 +58,15 @@ def evaluate(
     likelihood = load_likelihood(model)
     flow = confirmed_method(likelihood.method or {}, method)
     run = RunFolder(out, command, {"model": str(model), "data": [str(d) for d in data]}, seed)
-    for folder in data:
+    for number, folder in enumerate(data):
         sequence = open_sequence(folder, format)
         blocks = split_blocks(sequence, seed)
-        sketched = sketch_blocks(
-            blocks, [Task(flow, (likelihood.schedule.index,), texture=likelihood.texture)]
-        )
-        sketches = [s[0] for s in progress(sketched, f"errors on {sequence.name}", len(blocks))]
+        task = Task(flow, (likelihood.schedule.index,), texture=likelihood.texture)
+        found = sketch_for_run(
+            run, blocks, [task], f"errors on {sequence.name}", execution, progress, f"sketches-{number}",
+            dataset=sequence.name, flow=method_label(likelihood.method or {}),
+        )  # fmt: skip
+        sketches = [s for kind in gather(found, len(blocks)) for s in kind]
         if not any(s.total for s in sketches):
             raise DataError(f"{sequence.name}: no errors to evaluate (one image, no texture or no truth?)")
         label = f"{method_label(likelihood.method or {})}-{sequence.name.replace('/', '-')}"

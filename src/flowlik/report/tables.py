@@ -21,7 +21,7 @@ GROUPS: tuple[tuple[str, tuple[str, ...]], ...] = (
         ("drift", "t_err", "r_err", "rpe", "trans", "rot", "unsolved", "error", "ratio"),
     ),
     ("Honesty of the stated covariance", ("nees",)),
-    ("Speed and memory", ("frames_per", "components_per", "peak_memory", "seconds", "runtime")),
+    ("Speed and memory", ("frames_per", "components_per", "pairs_per", "peak_memory", "seconds", "runtime")),
 )
 OTHER = "Other results"
 
