@@ -9,6 +9,7 @@ from flowlik.calibration import Task, sketch_blocks, split_blocks
 from flowlik.commands.calibrate import add_evidence
 from flowlik.datasets import open_sequence
 from flowlik.errors import DataError
+from flowlik.evaluation.eigenbasis import kept_for_eigenbasis
 from flowlik.flow import confirmed_method, method_label
 from flowlik.model_file import load_likelihood
 from flowlik.progress import Progress, no_progress
@@ -25,7 +26,7 @@ def evaluate(
     command: str = "flowlik evaluate",
     progress: Progress = no_progress,
 ) -> RunFolder:
-    """Evaluate a model on sequences with true flow: log score, K-S over texture, coverage.
+    """Evaluate a model on sequences with true flow: all that `add_evidence` tells.
 
     Parameters
     ----------
@@ -53,12 +54,13 @@ def evaluate(
     """
     likelihood = load_likelihood(model)
     flow = confirmed_method(likelihood.method or {}, method)
+    index = likelihood.schedule.index
     run = RunFolder(out, command, {"model": str(model), "data": [str(d) for d in data]}, seed)
     for folder in data:
         sequence = open_sequence(folder, format)
         blocks = split_blocks(sequence, seed)
         sketched = sketch_blocks(
-            blocks, [Task(flow, (likelihood.schedule.index,), texture=likelihood.texture)]
+            blocks, [Task(flow, (index,), kept_for_eigenbasis(index), likelihood.texture)]
         )
         sketches = [s[0] for s in progress(sketched, f"errors on {sequence.name}", len(blocks))]
         if not any(s.total for s in sketches):
