@@ -81,7 +81,7 @@ def draw_sparsification(data: Data) -> Figure:
         _percent(ax, "x")
         ax.legend(loc="upper right")
     axes[0].set_ylabel("error of what stays / error of all")
-    room = 0.07 * (len(data["names"]) + 2)
+    room = 0.1 * (len(data["names"]) + 2)
     axes[0].set_ylim(0, 1.05 * np.clip(data["curves"].max(), 1, 2) + room)
     return figure
 
