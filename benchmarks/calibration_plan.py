@@ -30,6 +30,17 @@ CALIBRATION = (
         for v, s in ((3.0, 4), (12.0, 5), (30.0, 6), (9.0, 7), (2.0, 8))
     ),
     *(
+        Flight(world, "training", v, s, 5, 3, sensor=sensor)
+        for world, v, s, sensor in (
+            (FOREST, 6.0, 20, "clean"), (FOREST, 1.5, 21, "clean"), (FOREST, 18.0, 22, "clean"),
+            (FOREST, 6.0, 23, "poor"), (FOREST, 24.0, 24, "poor"), (FOREST, 2.0, 25, "poor"),
+            (PLANES, 6.0, 20, "clean"), (PLANES, 2.0, 21, "clean"), (PLANES, 24.0, 22, "clean"),
+            (PLANES, 6.0, 23, "poor"), (PLANES, 18.0, 24, "poor"),
+        )
+    ),
+    Flight(DRIVING, "05", 0.0, 26, 6, 3, sensor="clean"),
+    Flight(DRIVING, "09", 0.0, 27, 6, 3, sensor="poor"),
+    *(
         Flight(DRIVING, route, 0.0, s, places, run)
         for route, s, places, run in (
             ("00", 10, 8, 4), ("01", 11, 7, 3), ("05", 15, 7, 3), ("09", 19, 7, 3), ("10", 20, 7, 3),

@@ -29,12 +29,14 @@ class Flight:
     places: int = 5
     run: int = 3
     use: str = "cal"
+    sensor: str = "default"
 
     @property
     def name(self) -> str:
         kind = {"driving": f"drive-{self.trajectory}"}.get(self.world, f"{self.world}-{self.speed_mps:g}")
         fig8 = "-fig8" if self.trajectory == "forest-fig8" else ""
-        return f"{self.use}-{kind}{fig8}-{self.seed}"
+        sensor = "" if self.sensor == "default" else f"-{self.sensor}"
+        return f"{self.use}-{kind}{fig8}-{self.seed}{sensor}"
 
 
 class Runs:
@@ -84,17 +86,22 @@ def rendered(flight: Flight, cache: Path, kitti_poses: Path | None) -> Runs:
 
 
 def _render(flight: Flight, path: Path, kitti_poses: Path | None) -> None:
-    from flowlik.simulation import simulate
+    from flowlik.simulation import IDEAL_SENSOR, Sensor, simulate
 
+    # another camera's noise and sharpness: images scaled down from larger ones, and a phone's in the dark
+    poor = Sensor(full_well_e=2_500.0, read_noise_e=12.0, psf_sigma_px=0.9)
+    sensor = {"default": Sensor(), "clean": IDEAL_SENSOR, "poor": poor}[flight.sensor]
     start = time.perf_counter()
     if flight.world == "driving":
         assert kitti_poses is not None
         poses = kitti_poses / f"{flight.trajectory}.txt"
-        sequence = simulate("driving", poses, seed=flight.seed, traffic=6)
+        sequence = simulate("driving", poses, seed=flight.seed, traffic=6, sensor=sensor)
     else:
         length_m = 100.0 if flight.trajectory == "straight" else 200.0
         frames = int(length_m * FRAMES_PER_SECOND / flight.speed_mps)
-        sequence = simulate(flight.world, flight.trajectory, frames, flight.speed_mps, flight.seed)
+        sequence = simulate(
+            flight.world, flight.trajectory, frames, flight.speed_mps, flight.seed, sensor=sensor
+        )
     firsts = np.linspace(3, len(sequence) - flight.run - 1, flight.places).astype(int)
     images, depth, flow, pose = [], [], [], []
     for first in firsts:

@@ -15,14 +15,23 @@ from pathlib import Path
 
 from calibration_plan import CALIBRATION
 from flights import errors_of
-from flowlik.calibration import FLOW_INDEX, ErrorSketch, Task, calibrate, index_covariates, schedule_index
-from flowlik.evaluation.goodness import coverage, kolmogorov_smirnov, merge_all, negative_log_likelihood
+from flowlik.calibration import (
+    FLOW_INDEX,
+    ErrorSketch,
+    Task,
+    calibrate,
+    index_form,
+    merge_all,
+    schedule_index,
+)
+from flowlik.evaluation.goodness import coverage, kolmogorov_smirnov, negative_log_likelihood
 from flowlik.families import error_family
 from flowlik.flow import flow_method
 from flowlik.likelihood import FlowLikelihood
 from flowlik.model_file import save_likelihood
 from flowlik.schedule import Index
 
+DENSE_PIXELS = 20_000
 METHODS = ("lucas-kanade", "lucas-kanade-11", "farneback", "dis", "horn-schunck")
 MODELS = Path(__file__).resolve().parents[1] / "src" / "flowlik" / "models"
 
@@ -30,7 +39,7 @@ MODELS = Path(__file__).resolve().parents[1] / "src" / "flowlik" / "models"
 def measured(method: str, cache: Path, kitti_poses: Path | None) -> list[list[list[ErrorSketch]]]:
     """Sketches of every calibration flight: over texture, and over the flow's magnitude."""
     flow = flow_method(method)
-    task = Task(flow, (Index(), FLOW_INDEX), keep=index_covariates(flow))
+    task = Task(flow, (Index(), FLOW_INDEX), index_form(flow).covariates, pixels=DENSE_PIXELS)
     return [errors_of(flight, task, cache, kitti_poses, method) for flight in CALIBRATION]
 
 
@@ -58,7 +67,7 @@ def ship(method: str, cache: Path, kitti_poses: Path | None, out: Path) -> None:
         "command": "python benchmarks/ship_models.py",
         "sensor": "default",
     }
-    index = schedule_index("index", [flight[0] for flight in flights], index_covariates(flow))
+    index = schedule_index("index", [flight[0] for flight in flights], index_form(flow))
     over = [block.over(index) for block in by_texture]
     for name, family, blocks in ((method, "glc", over), (f"{method}-lcm", "lcm", by_texture)):
         model = calibrate(blocks, error_family(family), flow, provenance=provenance)

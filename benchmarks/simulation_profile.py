@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
-from numba import njit
 
 from flowlik.simulation import SimulatedSequence, scene
+from flowlik.simulation._compile import kernel
 from flowlik.simulation.raster import render
-from flowlik.simulation.raster._visibility import SAMPLES, TILE, draw
+from flowlik.simulation.raster._visibility import SAMPLES, TILE, clear, draw
 
 STAGES = [
     ("image", SimulatedSequence, "image"),
@@ -76,12 +76,12 @@ def tile_work(sequence: SimulatedSequence, frames: range) -> dict[str, float]:
     whole, lock = render.render_tiles, threading.Lock()
     totals = np.zeros(5)  # seconds of visibility and of all; fragments, list entries, triangles
 
-    def apart(first, last, starts, lists, screen, *others):
+    def apart(first, last, buffers, starts, lists, screen, *others):
         height, width = others[-1].shape
         start = time.perf_counter()
-        fragments = only_visible(first, last, starts, lists, screen, height, width)
+        fragments = only_visible(first, last, buffers, starts, lists, screen, height, width)
         middle = time.perf_counter()
-        whole(first, last, starts, lists, screen, *others)
+        whole(first, last, buffers, starts, lists, screen, *others)
         end = time.perf_counter()
         with lock:
             entries = starts[last] - starts[first]
@@ -104,24 +104,17 @@ def tile_work(sequence: SimulatedSequence, frames: range) -> dict[str, float]:
     }
 
 
-@njit(cache=True, nogil=True)
-def only_visible(first, last, starts, lists, screen, height, width):
+@kernel
+def only_visible(first, last, buffers, starts, lists, screen, height, width):
     """Do what `render_tiles` does before it shades; return how many shadings the pixels would need."""
     across = (width + TILE - 1) // TILE
-    nearest, seen = np.empty((TILE * TILE, SAMPLES), np.float32), np.empty((TILE * TILE, SAMPLES), np.int32)
-    centre_w, centre_seen = np.empty(TILE * TILE), np.empty(TILE * TILE, np.int32)
-    farthest = np.empty(TILE * TILE, np.float32)
-    bits = (nearest.view(np.int32), farthest.view(np.int32))
-    fragments = 0
+    fragments, seen = 0, buffers.seen
     for tile in range(first, last):
         left, top = (tile % across) * TILE, (tile // across) * TILE
         columns, rows = min(TILE, width - left), min(TILE, height - top)
-        nearest[:], seen[:], centre_w[:], centre_seen[:], farthest[:] = 0.0, -1, 0.0, -1, 0.0
+        clear(buffers)
         for j in range(starts[tile], starts[tile + 1]):
-            draw(
-                lists[j], screen, left, top, columns, rows, nearest, seen, farthest, bits,
-                centre_w, centre_seen, True,
-            )  # fmt: skip
+            draw(lists[j], screen, left, top, columns, rows, buffers, True)
         for v in range(rows):
             for u in range(columns):
                 for k in range(SAMPLES):

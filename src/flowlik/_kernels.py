@@ -105,14 +105,14 @@ def _grey(image, u, v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def patch_residual(previous, current, pixels, flow, half, step, first, last, residual):  # type: ignore[no-untyped-def]
+def patch_residual(previous, current, pixels, flow, window, first, last, residual):  # type: ignore[no-untyped-def]
     """Mean absolute difference of the patches at both ends of vectors first to last, but their means'."""
-    size = (2 * half // step + 1) ** 2
+    half, size = window // 2, window * window
     differences = np.empty(size)
     for i in range(first, last):
         mean, k = 0.0, 0
-        for dv in range(-half, half + 1, step):
-            for du in range(-half, half + 1, step):
+        for dv in range(-half, half + 1):
+            for du in range(-half, half + 1):
                 u, v = pixels[i, 0] + du, pixels[i, 1] + dv
                 end = _grey(current, u + flow[i, 0], v + flow[i, 1])
                 differences[k] = end - _grey(previous, u, v)

@@ -77,9 +77,6 @@ COVARIATES: dict[str, Covariate] = {
             "discrepancy-across", "px", 1e-3, lambda m, n: _discrepancy(m, _normal(n)), ("discrepancy",)
         ),
         Covariate("residual", "intensity", 0.3, lambda m, n: _signal(m, "residual"), ("residual",)),
-        Covariate(
-            "residual-wide", "intensity", 0.3, lambda m, n: _signal(m, "residual-wide"), ("residual-wide",)
-        ),
         Covariate("spread", "px", 1e-2, lambda m, n: _signal(m, "spread"), ("spread",)),
     )
 }  # fmt: skip

@@ -14,8 +14,7 @@ from flowlik.errors import ModelError
 from flowlik.flow.base import FlowMethod, Image, backward_method, sampler
 from flowlik.threads import in_bands
 
-# half the patch's side and the step between its samples [px]: 5x5, and 21x21 as Lucas-Kanade's window
-NARROW, WIDE = (2, 1), (10, 2)
+RESIDUAL_WINDOW = 5
 SPREAD_RADIUS_PX = 4.0
 VECTORS = 20_000
 
@@ -38,12 +37,12 @@ def _discrepancy(pair: Pair) -> Array:
     return pair.flow + back(pair.pixels + pair.flow)
 
 
-def _residual(pair: Pair, patch: tuple[int, int]) -> Array:
-    """Mean absolute grey difference (N,) of the patches at a vector's ends, apart from their means."""
+def _residual(pair: Pair) -> Array:
+    """Mean absolute grey difference (N,) of the 5x5 patches at a vector's ends, apart from their means."""
     r = np.empty(len(pair.pixels))
     in_bands(
         lambda first, last: _kernels.patch_residual(
-            pair.previous, pair.current, pair.pixels, pair.flow, *patch, first, last, r
+            pair.previous, pair.current, pair.pixels, pair.flow, RESIDUAL_WINDOW, first, last, r
         ),
         len(r),
         VECTORS,
@@ -67,8 +66,7 @@ def _spread(pair: Pair) -> Array:
 
 SIGNALS: dict[str, Callable[[Pair], NDArray[np.float64]]] = {
     "discrepancy": _discrepancy,
-    "residual": lambda pair: _residual(pair, NARROW),
-    "residual-wide": lambda pair: _residual(pair, WIDE),
+    "residual": _residual,
     "spread": _spread,
 }
 """Signals by name, each of N flow vectors: (N,), or (N, 2) in {i}; NaN where it cannot be measured."""

@@ -100,6 +100,18 @@ def test_the_reservoir_is_a_fair_bounded_choice_of_rows():
     assert of_first == pytest.approx(1 / 3, abs=0.015)
 
 
+@pytest.mark.parametrize("n", [0, 5, 25_000, 100_000])
+def test_the_reservoir_holds_the_rows_of_smallest_keys(n):
+    covariates, z, sign = samples(n)
+    found = ErrorSketch.of(INDEX, covariates, z, sign, np.random.default_rng(5))
+    keys = np.random.default_rng(5).random(n)
+    order = np.argsort(keys)[: bins.RESERVOIR_ROWS]
+    np.testing.assert_array_equal(found.keys, keys[order])
+    np.testing.assert_array_equal(found.rows, np.stack([covariates["texture"], z * sign], axis=1)[order])
+    # keys that are all alike large, as no generator gives them
+    np.testing.assert_array_equal(bins._smallest(1 + keys), order)
+
+
 TWO = Index(
     (Input("texture", 1e-2, 1e4), Input("discrepancy", 1e-3, 1e2)),
     (Term(("texture",), -0.5), Term(("discrepancy",), 0.3), Term(("texture", "discrepancy"), 0.02)),

@@ -76,7 +76,7 @@ def test_simulation_along_the_poses_of_a_file(tmp_path, written):
 def test_a_calibration_leaves_a_model_and_its_evidence(calibrations, models, method):
     check_run(calibrations[method], "calibrate")
     model = load_likelihood(models[method])
-    assert (model.method["name"], model.family.name) == (method, "lcm")
+    assert (model.method["name"], model.family.name) == (method, "glc")
     records = read_records(calibrations[method] / "metrics.json")
     for family in ("lcm", "log-logistic", "gaussian"):
         assert [r.metric for r in select(records, family=family, flow=method)] == GOODNESS

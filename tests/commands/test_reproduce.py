@@ -19,7 +19,7 @@ TINY = Plan(
     least_frames=5,
 )
 HELD_OUT = f"planes-{TINY.held_out[0].label}"
-ESTIMATORS = ("ransac", "lcmsac", "mle", BASELINE)
+ESTIMATORS = ("ransac", "lcmsac", "mle", "lcmsac-index", "mle-index", BASELINE)
 
 
 @pytest.fixture(scope="module")
@@ -40,8 +40,14 @@ def run(quick, tmp_path_factory):
 
 def test_models_metrics_figures_and_page_are_left(run):
     for method in METHODS:
-        model = load_likelihood(run.path / "models" / f"{method}.json")
-        assert (model.method["name"], model.family.name, model.provenance["pairs"]) == (method, "lcm", 24)
+        for name, family, schedule in ((method, "glc", "index"), (f"{method}-lcm", "lcm", "texture")):
+            model = load_likelihood(run.path / "models" / f"{name}.json")
+            assert (model.method["name"], model.family.name, model.provenance["pairs"]) == (
+                method,
+                family,
+                24,
+            )
+            assert model.schedule.name == schedule
     assert read_records(run.path / "metrics.json") == run.records
     stems = {path.stem for path in (run.path / "data").iterdir()}
     for suffix in ("png", "svg"):
@@ -57,11 +63,12 @@ def test_models_metrics_figures_and_page_are_left(run):
 @pytest.mark.parametrize("method", METHODS)
 def test_every_family_is_judged_on_both_populations(run, method):
     for dataset, split in [("planes-calibration", "calibration"), (HELD_OUT, "held-out")]:
-        for family in ("lcm", "log-logistic", "gaussian"):
+        for family in ("lcm", "log-logistic", "gaussian", "glc"):
             for metric in ("nll", "ks_median", "coverage_90", "outside_fraction"):
                 (record,) = select(
-                    run.records, dataset=dataset, flow=method, family=family, metric=metric, estimator=None
-                )
+                    run.records, dataset=dataset, flow=method, family=family, metric=metric, estimator=None,
+                    schedule="texture",
+                )  # fmt: skip
                 assert record.value is not None
                 assert f"split={split}" in record.protocol
 

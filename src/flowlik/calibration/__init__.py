@@ -1,6 +1,6 @@
 """Calibration: errors against truth, their sketch, and the fit of a look-up table."""
 
-from flowlik.calibration.fit import bootstrap, choose_smoothing, fit, place_knots
+from flowlik.calibration.fit import SMOOTHING_NAT, bootstrap, choose_smoothing, fit, place_knots
 from flowlik.calibration.learn import Rows, learn_index
 from flowlik.calibration.run import (
     BOOTSTRAP_BLOCKS,
@@ -15,8 +15,9 @@ from flowlik.calibration.run import (
 from flowlik.calibration.schedules import (
     FLOW_INDEX,
     SCHEDULES,
+    IndexForm,
     check_schedule,
-    index_covariates,
+    index_form,
     schedule_index,
 )
 from flowlik.calibration.sketch import ErrorSketch, merge_all
@@ -25,8 +26,10 @@ __all__ = [
     "BOOTSTRAP_BLOCKS",
     "FLOW_INDEX",
     "SCHEDULES",
+    "SMOOTHING_NAT",
     "Block",
     "ErrorSketch",
+    "IndexForm",
     "Rows",
     "Task",
     "bootstrap",
@@ -35,7 +38,7 @@ __all__ = [
     "choose_smoothing",
     "fit",
     "gather",
-    "index_covariates",
+    "index_form",
     "learn_index",
     "merge_all",
     "pair_errors",

@@ -24,7 +24,7 @@ from flowlik.schedule import Index, Input, Term
 
 KNOTS = 20
 RIDGE_NAT = 1e-4
-ROWS_A_POPULATION = 20_000
+ROWS_A_POPULATION = 6_000
 ITERATIONS = 300
 RANGE_LN_PX = (float(np.log(1e-4)), float(np.log(1e3)))
 

@@ -52,12 +52,16 @@ class Task:
         Covariates that the reservoirs keep besides those of the indices, from which an index can be learned.
     texture : TextureDefinition
         Definition of texture.
+    pixels : int or None
+        About so many stratified pixels of a dense method's image; None for all. A sparse method is measured
+        on a grid and at its corners.
     """
 
     method: FlowMethod
     indices: tuple[Index, ...] = (Index(),)
     keep: tuple[str, ...] = ()
     texture: TextureDefinition = TextureDefinition()  # noqa: RUF009
+    pixels: int | None = None
 
     @property
     def covariates(self) -> tuple[str, ...]:
@@ -87,10 +91,12 @@ def split_blocks(sequence: Sequence, seed: int, frames: int = 10) -> list[Block]
     return [Block(sequence, firsts[i : i + frames], seed + firsts[i]) for i in range(0, len(firsts), frames)]
 
 
-def calibration_pixels(previous: Image, method: FlowMethod, rng: np.random.Generator) -> Array | None:
-    """Where to calibrate: every pixel of a dense method, else a jittered grid and corners."""
+def calibration_pixels(
+    previous: Image, method: FlowMethod, rng: np.random.Generator, dense: int | None = None
+) -> Array | None:
+    """Where to calibrate: all or so many pixels of a dense method, else a jittered grid and corners."""
     if isinstance(method, DenseFlow):
-        return None
+        return None if dense is None else stratified_pixels(previous.shape, dense, rng)
     grid = stratified_pixels(previous.shape, GRID_PIXELS, rng)
     return np.unique(np.concatenate([grid, detect_corners(previous)]), axis=0)
 
@@ -156,7 +162,7 @@ def sketch_block(block: Block, tasks: Seq[Task]) -> list[ErrorSketch]:
 
 
 def _sketch_pair(sequence: Sequence, k: int, task: Task, rng: np.random.Generator) -> list[ErrorSketch]:
-    pixels = calibration_pixels(sequence.image(k), task.method, rng)
+    pixels = calibration_pixels(sequence.image(k), task.method, rng, task.pixels)
     e = pair_errors(sequence, k, task.method, task.texture, pixels, task.signals)
     values = {name: of_components(name, e.measurements) for name in task.covariates}
     seed = rng.integers(2**32)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,15 +21,18 @@ FLOW_INDEX = Index(
 )
 """VOLDOR's choice: the flow's magnitude alone."""
 
-INDEX_COVARIATES = (
-    "texture",
-    "texture-across",
-    "flow",
-    "discrepancy",
-    "residual",
-    "residual-wide",
-)
-"""What a learned index takes; chosen by held-out score on worlds neither calibrated nor reported on."""
+
+@dataclass(frozen=True)
+class IndexForm:
+    """What a learned index is made of: covariates, and whether products of their logarithms enter."""
+
+    covariates: tuple[str, ...]
+    products: bool
+
+
+# each covariate, and the products, earn 0.015 nat or more on worlds neither calibrated nor reported on
+SPARSE = IndexForm(("texture", "flow", "discrepancy", "residual"), products=False)
+DENSE = IndexForm(("texture", "flow", "discrepancy", "residual", "spread"), products=True)
 
 
 def check_schedule(schedule: str) -> None:
@@ -37,14 +41,12 @@ def check_schedule(schedule: str) -> None:
         raise CalibrationError(f"unknown schedule {schedule!r}: known are {', '.join(SCHEDULES)}")
 
 
-def index_covariates(method: FlowMethod) -> tuple[str, ...]:
-    """Covariates of a learned index of a method: a dense one also has neighbours to compare its flow with."""
-    return (*INDEX_COVARIATES, "spread") if isinstance(method, DenseFlow) else INDEX_COVARIATES
+def index_form(method: FlowMethod) -> IndexForm:
+    """Form of a method's learned index: a dense one also has neighbours to compare its flow with."""
+    return DENSE if isinstance(method, DenseFlow) else SPARSE
 
 
-def schedule_index(
-    schedule: str, populations: Sequence[Sequence[ErrorSketch]], names: Sequence[str] = INDEX_COVARIATES
-) -> Index:
+def schedule_index(schedule: str, populations: Sequence[Sequence[ErrorSketch]], form: IndexForm) -> Index:
     """Index of a schedule's name; that of ``"index"`` is learned from the populations' reservoirs.
 
     Parameters
@@ -53,8 +55,8 @@ def schedule_index(
         One of `SCHEDULES`.
     populations : sequence of sequence of ErrorSketch
         Blocks of each flight or data set, which all count alike, with the covariates kept.
-    names : sequence of str
-        Covariates of a learned index.
+    form : IndexForm
+        Of a learned index.
 
     Raises
     ------
@@ -68,4 +70,5 @@ def schedule_index(
         return Index()
     merged = [merge_all(blocks) for blocks in populations if blocks]
     # the weights hardly depend on the family; the paper's is the fastest to fit
-    return learn_index(Rows.of([m for m in merged if m.total]), error_family("lcm"), names, products=True)
+    rows = Rows.of([m for m in merged if m.total])
+    return learn_index(rows, error_family("lcm"), form.covariates, form.products)

@@ -22,6 +22,7 @@ LEVELS = 56
 
 Z_BINS = Z_NODES - 1
 RESERVOIR_ROWS = 20_000
+PIECE = 1 << 14
 
 
 def x_edges(index: Index) -> Array:
@@ -156,7 +157,8 @@ class ErrorSketch:
         sketch = cls.empty(index, tuple(values))
         keys = rng.random(len(z))
         chosen = _smallest(keys)
-        rows = np.stack([*(column[chosen] for column in values.values()), (z * sign)[chosen]], axis=-1)
+        short = z[chosen] * sign[chosen]
+        rows = np.stack([*(column[chosen] for column in values.values()), short], axis=-1)
         sketch._count(values, z, sign)
         frames = (sketch.by_level.sum(axis=1) > 0).astype(np.int64)
         return cls(
@@ -179,13 +181,17 @@ class ErrorSketch:
         )  # fmt: skip
 
     def _count(self, values: Mapping[str, Array], z: Array, sign: Array) -> None:
-        ln_t = np.log(np.maximum(values["texture"], 1e-12))
-        x = ln_t if self.index == Index() else self.index.combine(values)
-        low, high = TEXTURE_RANGE
-        _count(
-            x, ln_t, z, sign, self.index.low, X_BINS / (self.index.high - self.index.low),
-            low, LEVELS / (high - low), self.counts, self.by_level, self.errors,
-        )  # fmt: skip
+        index, (low, high) = self.index, TEXTURE_RANGE
+        plain = index == Index()
+        # pieces whose logarithms stay in the cache
+        for first in range(0, len(z), PIECE):
+            piece = slice(first, first + PIECE)
+            ln_t = np.log(np.maximum(values["texture"][piece], 1e-12))
+            x = ln_t if plain else index.combine({name: values[name][piece] for name in index.covariates})
+            _count(
+                x, ln_t, z[piece], sign[piece], index.low, X_BINS / (index.high - index.low),
+                low, LEVELS / (high - low), self.counts, self.by_level, self.errors,
+            )  # fmt: skip
 
     @property
     def magnitude_counts(self) -> NDArray[np.int64]:
@@ -246,7 +252,8 @@ def merge_all(sketches: Iterable[ErrorSketch]) -> ErrorSketch:
 
 def _smallest(keys: Array) -> NDArray[np.intp]:
     """Order of the smallest keys, so that equal sets give equal reservoirs."""
-    if len(keys) > RESERVOIR_ROWS:
-        candidates = np.argpartition(keys, RESERVOIR_ROWS)[:RESERVOIR_ROWS]
-        return candidates[np.argsort(keys[candidates])]
-    return np.argsort(keys)
+    # of uniform keys these hold the smallest, but for a chance of 1e-100
+    candidates = np.flatnonzero(keys < 1.2 * RESERVOIR_ROWS / max(len(keys), 1))
+    if len(candidates) < min(len(keys), RESERVOIR_ROWS):
+        candidates = np.arange(len(keys))
+    return candidates[np.argsort(keys[candidates])[:RESERVOIR_ROWS]]

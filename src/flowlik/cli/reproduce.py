@@ -22,13 +22,17 @@ def run(
 
     Example: `flowlik reproduce --quick --out run`
     """
-    from flowlik.commands.plans import FULL, QUICK
+    from flowlik.commands.plans import BYTES_A_FRAME, FULL, QUICK
     from flowlik.commands.reproduce import reproduce
     from flowlik.errors import DataError
     from flowlik.progress import terminal_progress
 
     if quick == full:
         raise DataError("say which size: flowlik reproduce --quick, or --full")
-    show_run(
-        reproduce(out, QUICK if quick else FULL, command=command_line(), progress=terminal_progress), json
-    )
+    plan = QUICK if quick else FULL
+    if plan.cached:
+        size = plan.frames * BYTES_A_FRAME / 1e9
+        typer.echo(
+            f"{plan.frames} frames are rendered once, to about {size:.0f} GB in {out / 'flights'}", err=True
+        )
+    show_run(reproduce(out, plan, command=command_line(), progress=terminal_progress), json)

@@ -13,7 +13,7 @@ from flowlik.calibration import (
     Task,
     check_schedule,
     gather,
-    index_covariates,
+    index_form,
     merge_all,
     schedule_index,
     sketch_blocks,
@@ -90,7 +90,7 @@ def calibrate(
     config = {"data": [str(d) for d in data], "method": method, "family": family, "schedule": schedule}
     run = RunFolder(out, command, config, seed)
     sequences = [open_sequence(folder, format) for folder in data]
-    task = Task(flow, (Index(), FLOW_INDEX), keep=index_covariates(flow))
+    task = Task(flow, (Index(), FLOW_INDEX), keep=index_form(flow).covariates)
     most = max(2, BOOTSTRAP_BLOCKS // len(sequences))
     populations = []
     for sequence in sequences:
@@ -105,7 +105,7 @@ def calibrate(
     if schedule == "texture":
         chosen, blocks_of_chosen = models[family], by_texture
     else:
-        index = schedule_index(schedule, [p[0] for p in populations if p], index_covariates(flow))
+        index = schedule_index(schedule, [p[0] for p in populations if p], index_form(flow))
         blocks_of_chosen = by_flow if schedule == "flow" else [block.over(index) for block in by_texture]
         constant = schedule == "constant"
         chosen = fit_likelihood(
@@ -123,12 +123,16 @@ def calibrate(
 
 
 def fit_families(
-    sketches: Sequence[ErrorSketch], method: FlowMethod, provenance: dict[str, object]
+    sketches: Sequence[ErrorSketch],
+    method: FlowMethod,
+    provenance: dict[str, object],
+    names: Sequence[str] = tuple(FAMILIES),
+    smoothing: float | None = None,
 ) -> dict[str, FlowLikelihood]:
-    """Likelihoods of every family on the same sketches, by name."""
+    """Likelihoods of families on the same sketches, by name."""
     return {
-        name: fit_likelihood(sketches, family, method, provenance=provenance)
-        for name, family in FAMILIES.items()
+        name: fit_likelihood(sketches, error_family(name), method, provenance=provenance, smoothing=smoothing)
+        for name in names
     }
 
 

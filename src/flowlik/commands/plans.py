@@ -6,6 +6,10 @@ from dataclasses import dataclass
 
 METHODS = ("farneback", "lucas-kanade")
 SPEEDS_MPS = (1.5, 3.0, 6.0, 12.0)
+BYTES_A_FRAME = 1_700_000
+"""Of a forest's frame on disk at 640x360: image, depth and flow."""
+
+FAMILIES_SHOWN = ("lcm", "log-logistic", "gaussian", "glc")
 
 
 @dataclass(frozen=True)
@@ -26,7 +30,11 @@ class Flight:
 
 @dataclass(frozen=True)
 class Plan:
-    """World, camera, calibration and held-out flights of a reproduction, and the levels counted in K-S."""
+    """World, camera, calibration and held-out flights of a reproduction, and the levels counted in K-S.
+
+    ``dense_pixels`` of a dense method's image are calibrated on, or all; ``cached`` flights are rendered
+    once, to disk.
+    """
 
     world: str
     width: int
@@ -36,6 +44,13 @@ class Plan:
     held_out: tuple[Flight, ...]
     least_components: int
     least_frames: int
+    dense_pixels: int | None = None
+    cached: bool = False
+
+    @property
+    def frames(self) -> int:
+        """Frames of all flights together."""
+        return sum(flight.pairs + 1 for flight in (*self.calibration, *self.held_out))
 
 
 QUICK = Plan(
@@ -47,6 +62,7 @@ QUICK = Plan(
     held_out=(Flight(100, "curve", 6.0, 60), Flight(101, "curve", 9.0, 60)),
     least_components=10_000,
     least_frames=20,
+    dense_pixels=20_000,
 )
 
 FULL = Plan(
@@ -66,4 +82,5 @@ FULL = Plan(
     held_out=(Flight(100, "straight", 6.0, 1000), Flight(101, "forest-fig8", 6.0, 1980)),
     least_components=100_000,
     least_frames=30,
+    cached=True,
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.calibration import ErrorSketch, Task, merge_all, sketch_blocks, split_blocks
+from flowlik.calibration import (
+    SMOOTHING_NAT,
+    ErrorSketch,
+    Task,
+    gather,
+    index_form,
+    merge_all,
+    schedule_index,
+    sketch_blocks,
+    split_blocks,
+)
 from flowlik.camera import Array, Pinhole
-from flowlik.commands.calibrate import add_evidence, fit_families, with_goodness
-from flowlik.commands.plans import METHODS, QUICK, Flight, Plan
+from flowlik.commands.calibrate import BEST_FAMILY, add_evidence, fit_families, with_goodness
+from flowlik.commands.plans import FAMILIES_SHOWN, METHODS, QUICK, Flight, Plan
 from flowlik.datasets.base import Sequence
+from flowlik.datasets.tartanair import TartanAir
 from flowlik.egomotion import Estimator, KnownDepth, lcmsac, mle, ransac
 from flowlik.evaluation.baselines import opencv_pnp
 from flowlik.evaluation.drift import relative_pose_errors
@@ -29,7 +40,8 @@ from flowlik.odometry import features_of, measure_features
 from flowlik.progress import Progress, no_progress
 from flowlik.records import Record, protocol
 from flowlik.runs import RunFolder
-from flowlik.simulation import simulate
+from flowlik.schedule import Index
+from flowlik.simulation import simulate, write_sequence
 from flowlik.trajectory import Trajectory, chain
 
 BASELINE = "opencv-pnp"
@@ -61,29 +73,22 @@ def reproduce(
     methods = [flow_method(name) for name in METHODS]
     camera = Pinhole.from_fov(plan.width, plan.height, plan.fov_deg)
 
-    sketches = _sketch(plan, plan.calibration, camera, methods, progress)
+    sketches: dict[str, list[list[ErrorSketch]]] = {method.name: [] for method in methods}
+    for flight in plan.calibration:
+        seeing = [method for method in methods if method.name in flight.methods]
+        tasks = [Task(m, keep=index_form(m).covariates, pixels=plan.dense_pixels) for m in seeing]
+        for method, blocks in zip(seeing, _sketch(run, plan, flight, camera, tasks, progress)):
+            sketches[method.name].append(blocks)
     models = {}
     for method in progress(iter(methods), "fits", len(methods)):
-        seen, blocks = [f for f in plan.calibration if method.name in f.methods], sketches[method.name]
-        provenance: dict[str, object] = {
-            "world": plan.world,
-            "data": ", ".join(f.label for f in seen),
-            "sensor": "default",
-        }
-        families = fit_families(blocks, method, provenance)
-        models[method.name] = families
-        _add_evidence(run, blocks, families, f"{plan.world}-calibration", method, plan, "calibration")
-        merged = merge_all(blocks)
-        run.save("table", method.name, table(merged, families["lcm"]))
-        save_likelihood(
-            with_goodness(families["lcm"], run.records), run.path / "models" / f"{method.name}.json"
-        )
+        models[method.name] = _calibrate(run, plan, method, sketches[method.name])
 
     for flight in plan.held_out:
-        sketches = _sketch(plan, (flight,), camera, methods, progress)
+        indices = [(Index(), models[method.name]["index"].schedule.index) for method in methods]
+        tasks = [Task(m, i, pixels=plan.dense_pixels) for m, i in zip(methods, indices)]
+        found = iter(_sketch(run, plan, flight, camera, tasks, progress))
         for method in methods:
-            dataset = _dataset(plan, flight)
-            _add_evidence(run, sketches[method.name], models[method.name], dataset, method, plan, "held-out")
+            _evaluate(run, plan, flight, method, models[method.name], next(found), next(found))
         _fly(run, plan, flight, camera, methods, models, progress)
     _add_ratios(run, plan)
     run.finish()
@@ -94,24 +99,62 @@ def _dataset(plan: Plan, flight: Flight) -> str:
     return f"{plan.world}-{flight.label}"
 
 
-def _sequence(plan: Plan, flight: Flight, camera: Pinhole) -> Sequence:
-    return simulate(plan.world, flight.trajectory, flight.pairs + 1, flight.speed_mps, flight.seed, camera)
+def _sequence(run: RunFolder, plan: Plan, flight: Flight, camera: Pinhole) -> Sequence:
+    """Flight that renders on demand or, where the plan is cached, as it stands on disk."""
+    frames = flight.pairs + 1
+    sequence = simulate(plan.world, flight.trajectory, frames, flight.speed_mps, flight.seed, camera)
+    if not plan.cached:
+        return sequence
+    return TartanAir(write_sequence(sequence, run.begin() / "flights" / flight.label))
 
 
 def _sketch(
-    plan: Plan, flights: tuple[Flight, ...], camera: Pinhole, methods: list[FlowMethod], progress: Progress
-) -> dict[str, list[ErrorSketch]]:
-    """Sketches of each method by name, a block of frames each, from the flights that it sees."""
-    sketches: dict[str, list[ErrorSketch]] = {method.name: [] for method in methods}
-    for flight in flights:
-        seeing = [method for method in methods if method.name in flight.methods]
-        blocks = split_blocks(_sequence(plan, flight, camera), flight.seed, BLOCK)
-        for found in progress(
-            sketch_blocks(blocks, [Task(method) for method in seeing]), _dataset(plan, flight), len(blocks)
-        ):
-            for method, sketch in zip(seeing, found):
-                sketches[method.name].append(sketch)
-    return sketches
+    run: RunFolder, plan: Plan, flight: Flight, camera: Pinhole, tasks: list[Task], progress: Progress
+) -> list[list[ErrorSketch]]:
+    """Blocks of sketches of a flight, a list for each task and each of its indices."""
+    blocks = split_blocks(_sequence(run, plan, flight, camera), flight.seed, BLOCK)
+    sketched = progress(sketch_blocks(blocks, tasks), _dataset(plan, flight), len(blocks))
+    return gather(sketched, len(blocks))
+
+
+def _calibrate(
+    run: RunFolder, plan: Plan, method: FlowMethod, flights: list[list[ErrorSketch]]
+) -> dict[str, FlowLikelihood]:
+    """Likelihoods of every family over texture, by family, and ``"index"``: the best over a learned index."""
+    blocks = [block for flight in flights for block in flight]
+    provenance: dict[str, object] = {
+        "world": plan.world,
+        "data": ", ".join(f.label for f in plan.calibration if method.name in f.methods),
+        "sensor": "default",
+    }
+    models = fit_families(blocks, method, provenance, FAMILIES_SHOWN, SMOOTHING_NAT)
+    dataset = f"{plan.world}-calibration"
+    _add_evidence(run, blocks, models, dataset, method, plan, "calibration")
+    run.save("table", method.name, table(merge_all(blocks), models["lcm"]))
+    index = schedule_index("index", flights, index_form(method))
+    over = [block.over(index) for block in blocks]
+    best = fit_families(over, method, provenance, (BEST_FAMILY,), SMOOTHING_NAT)
+    _add_evidence(run, over, best, dataset, method, plan, "calibration")
+    folder = run.path / "models"
+    save_likelihood(with_goodness(best[BEST_FAMILY], run.records), folder / f"{method.name}.json")
+    save_likelihood(with_goodness(models["lcm"], run.records), folder / f"{method.name}-lcm.json")
+    return {**models, "index": best[BEST_FAMILY]}
+
+
+def _evaluate(
+    run: RunFolder,
+    plan: Plan,
+    flight: Flight,
+    method: FlowMethod,
+    models: dict[str, FlowLikelihood],
+    by_texture: list[ErrorSketch],
+    by_index: list[ErrorSketch],
+) -> None:
+    """Evidence on a held-out flight of the families over texture, and of the best over the index."""
+    over_texture = {name: model for name, model in models.items() if name != "index"}
+    dataset = _dataset(plan, flight)
+    _add_evidence(run, by_texture, over_texture, dataset, method, plan, "held-out")
+    _add_evidence(run, by_index, {BEST_FAMILY: models["index"]}, dataset, method, plan, "held-out")
 
 
 def _add_evidence(
@@ -123,7 +166,8 @@ def _add_evidence(
     plan: Plan,
     split: str,
 ) -> None:
-    label = f"{method.name}-{dataset}"
+    schedule = next(iter(models.values())).schedule.name
+    label = f"{method.name}-{dataset}" + ("-index" if schedule == "index" else "")
     seed = plan.calibration[0].seed
     add_evidence(
         run, blocks, models, dataset, label, seed, plan.least_components, plan.least_frames, split=split
@@ -140,19 +184,23 @@ def _fly(
     progress: Progress,
 ) -> None:
     """Ego-motion with known depth on a held-out flight, all estimators on the same measurements."""
-    sequence, dataset = _sequence(plan, flight, camera), _dataset(plan, flight)
+    sequence, dataset = _sequence(run, plan, flight, camera), _dataset(plan, flight)
     truth = true_trajectory(sequence, flight.pairs + 1)
     assert truth is not None
     for method in methods:
-        likelihood = models[method.name]["lcm"]
-        estimators = (ransac(), lcmsac(likelihood), mle(likelihood))
+        lcm, best = models[method.name]["lcm"], models[method.name]["index"]
+        estimators = (
+            ransac(),
+            lcmsac(lcm),
+            mle(lcm),
+            replace(lcmsac(best), name="lcmsac-index"),
+            replace(mle(best), name="mle-index"),
+        )
         steps: dict[str, list[RigidTransform]] = {
             name: [] for name in (*(e.name for e in estimators), BASELINE)
         }
         unsolved = dict.fromkeys(steps, 0)
-        pairs = progress(
-            _residuals(sequence, method, likelihood), f"{method.name} on {dataset}", flight.pairs
-        )
+        pairs = progress(_residuals(sequence, method, best), f"{method.name} on {dataset}", flight.pairs)
         for k, residual in enumerate(pairs):
             for name, motion in _motions(residual, estimators, seed=k).items():
                 unsolved[name] += motion is None
@@ -181,8 +229,9 @@ def _fly(
 
 
 def _residuals(sequence: Sequence, method: FlowMethod, likelihood: FlowLikelihood) -> Iterator[KnownDepth]:
+    signals = likelihood.schedule.index.signals
     for k in range(len(sequence) - 1):
-        m = measure_features(sequence.image(k), sequence.image(k + 1), method, likelihood.texture, seed=k)
+        m = measure_features(sequence.image(k), sequence.image(k + 1), method, likelihood.texture, k, signals)
         yield KnownDepth.of(m, sequence.camera, sequence.depth(k))
 
 
@@ -262,6 +311,8 @@ def _density(estimator: str) -> dict[str, str]:
     """Family and schedule behind an estimator's name."""
     if estimator in ("lcmsac", "mle"):
         return {"family": "lcm", "schedule": "texture"}
+    if estimator in ("lcmsac-index", "mle-index"):
+        return {"family": BEST_FAMILY, "schedule": "index"}
     return {"family": "gaussian", "schedule": "constant"}
 
 

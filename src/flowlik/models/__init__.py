@@ -13,4 +13,4 @@ from pathlib import Path
 def shipped() -> dict[str, Path]:
     """Files of the shipped models by name, in alphabetical order."""
     folder = Path(str(files(__name__)))
-    return {path.stem: path for path in sorted(folder.glob("*.json"))}
+    return {path.stem: path for path in sorted(folder.glob("*.json"), key=lambda path: path.stem)}

@@ -9,8 +9,8 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
-def average_heights(points, samples, radius_m, lowest_scale_m, heights, distances):
-    """Average heights of samples (K, 3) = (x, z, y) around points (N, 2), into (N,) arrays.
+def average_heights(first, last, points, samples, radius_m, lowest_scale_m, heights, distances):
+    """Average heights of samples (K, 3) = (x, z, y) around points first to last (N, 2), into (N,) arrays.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ def average_heights(points, samples, radius_m, lowest_scale_m, heights, distance
         Averages, and distances to the nearest sample [m].
     """
     weights = np.empty(len(samples))
-    for i in range(len(points)):
+    for i in range(first, last):
         total, middle, nearest = 0.0, 0.0, np.inf
         for k in range(len(samples)):
             dx, dz = samples[k, 0] - points[i, 0], samples[k, 1] - points[i, 1]

@@ -18,12 +18,13 @@ from flowlik.simulation.driving_materials import MATERIALS, material
 from flowlik.simulation.driving_traffic import Traffic, make_traffic
 from flowlik.simulation.geometry import Array, Instances, Mesh, Prototype, placed
 from flowlik.simulation.light import Light
+from flowlik.simulation.raster.packed import Shapes, pack_shapes
 from flowlik.simulation.road import Roads
 from flowlik.simulation.road_ground import SQUARE_M, Ground, Square, far_land, square_of
 from flowlik.simulation.road_profiles import profile_of
 from flowlik.simulation.road_surface import Surface
 from flowlik.simulation.route import Route, drive_of
-from flowlik.simulation.scene import FAR_M, Scene
+from flowlik.simulation.scene import FAR_M, Scene, bounding_spheres, clearance
 
 KITTI_CAMERA = Pinhole(1242, 375, 721.5377, 721.5377, 609.5593, 172.854)
 """The rectified camera of KITTI's odometry sequence 03."""
@@ -178,23 +179,27 @@ class DrivingWorld:
 
     def _things_near(self, square: Square, positions: Array) -> Array:
         """Distances (N,) [m], at most 10, of positions (N, 3) in a square to the things around it."""
-        instances = Instances.joined([_things(self, near, 2) for near, _ in _around(square, 1)])
         plan = positions[:, [0, 2]]
         low, high = plan.min(axis=0) - 25.0, plan.max(axis=0) + 25.0
+        reached = [near for near, _ in _around(square, 1) if _touches(near, low, high)]
+        instances = Instances.joined([_things(self, near, 2) for near in reached])
         feet = instances.transforms[:, [0, 2], 3]
         close = ((feet > low) & (feet < high)).all(axis=1)
         if not close.any():
             return np.full(len(positions), FAR_M)
-        used, numbers = np.unique(instances.prototypes[close], return_inverse=True)
-        prototypes = [self._layout.kinds.prototypes[p] for p in used]
-        standing = Instances(numbers.astype(np.int64), instances.transforms[close])
-        scene = Scene.of(prototypes, standing, list(MATERIALS.values()), self.light, self.seed)
-        return scene.clearance(positions)
+        standing = Instances(instances.prototypes[close], instances.transforms[close])
+        shapes = _shapes(self.seed, self.leaves)
+        return clearance(shapes, standing, bounding_spheres(shapes, standing), positions)
 
 
 @lru_cache(maxsize=2)
 def _kinds(seed: int, leaves: int) -> Kinds:
     return make_kinds(seed, leaves)
+
+
+@lru_cache(maxsize=1)
+def _shapes(seed: int, leaves: int) -> Shapes:
+    return pack_shapes(_kinds(seed, leaves).prototypes)
 
 
 @lru_cache(maxsize=2)
@@ -241,6 +246,12 @@ def _patch(world: DrivingWorld, square: Square, fine: bool) -> Mesh:
 def _things(world: DrivingWorld, square: Square, detail: int) -> Instances:
     """Copies that stand in a square; kept likewise."""
     return world._layout.square(square, detail)
+
+
+def _touches(square: Square, low: Array, high: Array) -> bool:
+    """Whether a square shares a point with the rectangle between two corners (2,) [m]."""
+    corner = np.array(square) * SQUARE_M
+    return bool(((corner < high) & (corner + SQUARE_M > low)).all())
 
 
 def _around(middle: Square, rings: int) -> list[tuple[Square, int]]:

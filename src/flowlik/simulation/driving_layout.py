@@ -103,21 +103,24 @@ class Layout:
 
     def _far_houses(self, things: Things, own: Footprints, low: Array, rng: np.random.Generator) -> None:
         """Up to four houses wholly inside the square, in line with the nearest street."""
-        ground = self.surface.ground
-        for _ in range(4):
-            number = self.kinds.pick(rng, "house")
-            half = self.kinds.half_sizes_m[number]
-            reach = float(np.linalg.norm(half))
-            point = low + rng.uniform(reach, SQUARE_M - reach, 2)
-            street, arc, right = ground.roads.nearest_street(point[None])
-            _, along = ground.roads.streets[street[0]].at(arc)
-            facing = along[0, ::-1] * [1.0, -1.0] * (1.0 if right[0] else -1.0)
-            row = np.array([*point, facing[1], -facing[0], *half])
-            edge = ground.roads.edge(point[None])[0]
-            if edge < reach + 14.0 or self.taken.overlaps(row, 3.0) or own.overlaps(row, 3.0):
+        ground, numbers, points = self.surface.ground, np.empty(4, np.int64), np.empty((4, 2))
+        for i in range(4):
+            numbers[i] = self.kinds.pick(rng, "house")
+            reach = float(np.linalg.norm(self.kinds.half_sizes_m[numbers[i]]))
+            points[i] = low + rng.uniform(reach, SQUARE_M - reach, 2)
+        edges, levels = ground.roads.edge(points), ground.surface(points)
+        streets, arcs, right = ground.roads.nearest_street(points)
+        for i in range(4):
+            half = self.kinds.half_sizes_m[numbers[i]]
+            if edges[i] < np.linalg.norm(half) + 14.0:
+                continue
+            _, along = ground.roads.streets[streets[i]].at(arcs[[i]])
+            facing = along[0, ::-1] * [1.0, -1.0] * (1.0 if right[i] else -1.0)
+            row = np.array([*points[i], facing[1], -facing[0], *half])
+            if self.taken.overlaps(row, 3.0) or own.overlaps(row, 3.0):
                 continue
             own.add(row)
-            things.add(np.array([number]), upright(point[None], ground.surface(point[None]), facing[None]))
+            things.add(numbers[[i]], upright(points[[i]], levels[[i]], facing[None]))
 
 
 def _by_square(instances: Instances) -> dict[Square, Instances]:

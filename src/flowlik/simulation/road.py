@@ -14,6 +14,7 @@ from scipy.spatial import KDTree
 from flowlik.simulation._road import average_heights
 from flowlik.simulation.road_profiles import Profile
 from flowlik.simulation.route import STEP_M, Array, Drive, Line
+from flowlik.threads import in_bands
 
 REVISIT_M = 6.0
 """A stretch that comes back this near to an earlier one is the same street driven again."""
@@ -155,9 +156,8 @@ def smooth_heights(points: Array, samples: Array) -> tuple[Array, Array]:
         Distance to the nearest sample [m].
     """
     heights, distances = np.empty(len(points)), np.empty(len(points))
-    average_heights(
-        np.ascontiguousarray(points), samples, _HEIGHT_RADIUS_M, _LOWEST_SCALE_M, heights, distances
-    )
+    inputs = np.ascontiguousarray(points), samples, _HEIGHT_RADIUS_M, _LOWEST_SCALE_M, heights, distances
+    in_bands(lambda first, last: average_heights(first, last, *inputs), len(points), 32)
     return heights, distances
 
 

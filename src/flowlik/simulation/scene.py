@@ -89,7 +89,7 @@ class Scene:
             Centre x, z and half size [m] of the square in which shadows fall; None for no shadows.
         """
         shapes = pack_shapes(prototypes)
-        spheres = _spheres(shapes, instances)
+        spheres = bounding_spheres(shapes, instances)
         shadows = no_shadows(light)
         if shadow_area is not None:
             # every fourth leaf, twice as large, casts the same expected shadow
@@ -129,7 +129,7 @@ class Scene:
         if mover_transforms is not None and len(self.movers):
             moving = Instances(self.movers, np.asarray(mover_transforms, np.float64))
             instances = Instances.joined([instances, moving])
-            spheres = np.concatenate([spheres, _spheres(self.shapes, moving)])
+            spheres = np.concatenate([spheres, bounding_spheres(self.shapes, moving)])
             identities = np.concatenate([identities, np.arange(len(moving))])
         seen = _in_view(spheres, T_n_c, camera)
         distance_m = np.linalg.norm(spheres[seen, :3] - T_n_c.translation, axis=1) - spheres[seen, 3]
@@ -159,21 +159,36 @@ class Scene:
 
     def clearance(self, positions_m: Array) -> Array:
         """Distance (N,) [m], at most 10, from positions (N, 3) in {n} to the nearest static surface."""
-        positions = np.ascontiguousarray(np.atleast_2d(positions_m), np.float64)
-        low, high = positions.min(axis=0), positions.max(axis=0)
-        gap = np.maximum(np.maximum(low - self.spheres[:, :3], self.spheres[:, :3] - high), 0)
-        near = np.flatnonzero(np.linalg.norm(gap, axis=1) < self.spheres[:, 3] + FAR_M)
-        standing = Instances(self.instances.prototypes[near], self.instances.transforms[near])
-        drawn = _standing(self.shapes, standing, np.zeros(len(near)))
-        distances = np.empty(len(positions))
-        in_bands(
-            lambda first, last: nearest_surface(
-                first, last, positions, self.shapes, drawn, self.spheres[near], FAR_M, distances
-            ),
-            len(positions),
-            16,
-        )
-        return distances
+        return clearance(self.shapes, self.instances, self.spheres, positions_m)
+
+
+def clearance(shapes: Shapes, instances: Instances, spheres: Array, positions_m: Array) -> Array:
+    """Distance (N,) [m], at most 10, from positions (N, 3) in {n} to copies that stand still.
+
+    Parameters
+    ----------
+    shapes, instances
+        Prototypes, and which of them stand where.
+    spheres : array (M, 4)
+        What `bounding_spheres` says of the copies.
+    positions_m : array (N, 3)
+        The positions [m].
+    """
+    positions = np.ascontiguousarray(np.atleast_2d(positions_m), np.float64)
+    low, high = positions.min(axis=0), positions.max(axis=0)
+    gap = np.maximum(np.maximum(low - spheres[:, :3], spheres[:, :3] - high), 0)
+    near = np.flatnonzero(np.linalg.norm(gap, axis=1) < spheres[:, 3] + FAR_M)
+    standing = Instances(instances.prototypes[near], instances.transforms[near])
+    drawn = _standing(shapes, standing, np.zeros(len(near)))
+    distances = np.empty(len(positions))
+    in_bands(
+        lambda first, last: nearest_surface(
+            first, last, positions, shapes, drawn, spheres[near], FAR_M, distances
+        ),
+        len(positions),
+        16,
+    )
+    return distances
 
 
 def _standing(
@@ -206,7 +221,7 @@ def _identities(instances: Instances) -> NDArray[np.int64]:
     return np.array([zlib.crc32(place.tobytes()) for place in places], np.int64)
 
 
-def _spheres(shapes: Shapes, instances: Instances) -> Array:
+def bounding_spheres(shapes: Shapes, instances: Instances) -> Array:
     """Bounding spheres (N, 4) of copies: centre in {n} and radius [m]."""
     mine, linear = shapes.spheres[instances.prototypes], instances.transforms[:, :, :3]
     centres = np.einsum("nij,nj->ni", linear, mine[:, :3]) + instances.transforms[:, :, 3]

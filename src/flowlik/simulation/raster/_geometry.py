@@ -3,15 +3,15 @@
 # mypy: disable-error-code=no-untyped-def
 
 import numpy as np
-from numba import njit
 
+from flowlik.simulation._compile import inlined, kernel
 from flowlik.simulation.raster.packed import OUTLINE
 
 STEP = OUTLINE + 2
 NEAR_M = 0.02
 
 
-@njit(cache=True, inline="always")
+@inlined
 def leaf_corner(shapes, p, leaf, scale, part, corner):
     """Corner (3,) of a leaf's triangle in its prototype's axes; parts from OUTLINE on make the rhombus."""
     shape = shapes.outlines[p]
@@ -39,7 +39,7 @@ def leaf_corner(shapes, p, leaf, scale, part, corner):
     )
 
 
-@njit(cache=True, inline="always")
+@inlined
 def corner_of(shapes, drawn, copy, part, corner):
     """Corner of one triangle of one copy in its prototype's axes.
 
@@ -56,7 +56,7 @@ def corner_of(shapes, drawn, copy, part, corner):
     return leaf_corner(shapes, p, leaf, drawn.leaf_scale[copy], (part - mesh) % STEP, corner)
 
 
-@njit(cache=True, inline="always")
+@inlined
 def corner_in_space(shapes, drawn, copy, part, corner, origin):
     """Corner of one triangle in {n}, relative to an origin (3,) [m]."""
     a, b, c = corner_of(shapes, drawn, copy, part, corner)
@@ -68,10 +68,10 @@ def corner_in_space(shapes, drawn, copy, part, corner, origin):
     )
 
 
-@njit(cache=True, nogil=True)
-def corners_in_space(shapes, drawn, corners):
-    """Write the corners (F, 3, 3) in {n} of all triangles drawn, copy by copy."""
-    count, origin = 0, np.zeros(3)
+@kernel
+def corners_in_space(shapes, drawn, origin, corners):
+    """Write the corners (F, 3, 3) [m] of all triangles drawn, copy by copy, in {n} relative to an origin."""
+    count = 0
     for copy in range(len(drawn.prototypes)):
         p = drawn.prototypes[copy]
         mesh = shapes.triangle_starts[p + 1] - shapes.triangle_starts[p]
@@ -92,7 +92,7 @@ def corners_in_space(shapes, drawn, corners):
             count += 1
 
 
-@njit(cache=True)
+@kernel
 def _emit(screen, owner, count, copy, part, x0, y0, w0, x1, y1, w1, x2, y2, w2, width, height):
     """Store a triangle of screen points (px, px, 1/m) if it may cover a pixel of the picture."""
     if max(x0, max(x1, x2)) < -0.5 or min(x0, min(x1, x2)) > width - 0.5:
@@ -107,7 +107,7 @@ def _emit(screen, owner, count, copy, part, x0, y0, w0, x1, y1, w1, x2, y2, w2, 
     return count + 1
 
 
-@njit(cache=True)
+@kernel
 def _add(screen, owner, count, copy, part, corners, fx, fy, cx, cy, width, height, cut):
     """Project a triangle of camera points (3, 3), cut at the near plane; `cut` is scratch (4, 3)."""
     kept = 0
@@ -135,8 +135,10 @@ def _add(screen, owner, count, copy, part, corners, fx, fy, cx, cy, width, heigh
     return count
 
 
-@njit(cache=True, nogil=True)
-def to_screen(first, last, shapes, drawn, R_c_n, origin, camera, width, height, screen, owner):
+@kernel
+def to_screen(
+    first, last, shapes, drawn, R_c_n, origin, camera, width, height, points, scratch, screen, owner
+):
     """Project the triangles of copies first to last; return how many were stored.
 
     Parameters
@@ -147,6 +149,8 @@ def to_screen(first, last, shapes, drawn, R_c_n, origin, camera, width, height, 
         World to camera rotation; the camera's position in {n} [m].
     camera : array (4,)
         fx, fy, cx, cy [px].
+    points, scratch : arrays (most points of a copy or OUTLINE, 5), (10, 4)
+        Written on.
     screen : array (K, 9) float32
         Written: column, row [px] and inverse depth [1/m] of each corner.
     owner : array (K, 2) int32
@@ -154,12 +158,7 @@ def to_screen(first, last, shapes, drawn, R_c_n, origin, camera, width, height, 
     """
     fx, fy, cx, cy = camera
     count = 0
-    q = np.empty((3, 4))
-    corners, cut = np.empty((3, 3)), np.empty((4, 3))
-    most = 0
-    for copy in range(first, last):
-        most = max(most, drawn.points[copy])
-    points = np.empty((max(most, OUTLINE), 5))
+    q, corners, cut = scratch[:3], scratch[3:6, :3], scratch[6:, :3]
     for copy in range(first, last):
         p, m = drawn.prototypes[copy], drawn.transforms[copy]
         for r in range(3):
@@ -246,7 +245,7 @@ def to_screen(first, last, shapes, drawn, R_c_n, origin, camera, width, height, 
     return count
 
 
-@njit(cache=True, inline="always")
+@inlined
 def _project(point, a, b, c, q, fx, fy, cx, cy):
     """Store camera x, y, z or, where it lies before the near plane, column, row and inverse depth."""
     x = q[0, 0] * a + q[0, 1] * b + q[0, 2] * c + q[0, 3]
@@ -259,7 +258,7 @@ def _project(point, a, b, c, q, fx, fy, cx, cy):
         point[0], point[1], point[2], point[3], point[4] = x, y, z, 0.0, z
 
 
-@njit(cache=True, inline="always")
+@inlined
 def _leaf_point(point, s, t, h, centre, along, across, q, fx, fy, cx, cy):
     a0, a1, a2 = np.float64(along[0]), np.float64(along[1]), np.float64(along[2])
     b0, b1, b2 = np.float64(across[0]), np.float64(across[1]), np.float64(across[2])
@@ -271,7 +270,7 @@ def _leaf_point(point, s, t, h, centre, along, across, q, fx, fy, cx, cy):
     _project(point, x, y, z, q, fx, fy, cx, cy)
 
 
-@njit(cache=True)
+@kernel
 def _triangle(screen, owner, count, copy, part, points, t, corners, fx, fy, cx, cy, width, height, cut):
     a, b, c = points[t[0]], points[t[1]], points[t[2]]
     in_front = a[3] + b[3] + c[3]

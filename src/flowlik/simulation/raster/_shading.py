@@ -5,8 +5,8 @@
 import math
 
 import numpy as np
-from numba import njit
 
+from flowlik.simulation._compile import inlined
 from flowlik.simulation.raster._geometry import corner_in_space
 from flowlik.simulation.raster._shadow import sunlit
 from flowlik.simulation.raster._texturing import look_up, reflectance, slopes
@@ -15,7 +15,7 @@ from flowlik.simulation.raster._texturing import look_up, reflectance, slopes
 SOLID_BIAS_M, LEAF_BIAS_M = 0.06, 0.15
 
 
-@njit(cache=True, inline="always")
+@inlined
 def _meet(a, e1, e2, d):
     """Where the ray from the origin along d meets the plane a + s e1 + t e2: multiple of d, s, t."""
     px, py, pz = d[1] * e2[2] - d[2] * e2[1], d[2] * e2[0] - d[0] * e2[2], d[0] * e2[1] - d[1] * e2[0]
@@ -28,12 +28,12 @@ def _meet(a, e1, e2, d):
     return (e2[0] * qx + e2[1] * qy + e2[2] * qz) * inverse, s, (d[0] * qx + d[1] * qy + d[2] * qz) * inverse
 
 
-@njit(cache=True, inline="always")
+@inlined
 def _minus(a, b):
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@njit(cache=True, inline="always")
+@inlined
 def ray(R_n_c, camera, x, y):
     """Direction in {n} of the ray through pixel position (x, y), of depth 1 along the optical axis."""
     gx, gy = (x - camera[2]) / camera[0], (y - camera[3]) / camera[1]
@@ -44,7 +44,7 @@ def ray(R_n_c, camera, x, y):
     )
 
 
-@njit(cache=True, inline="always")
+@inlined
 def _random(a, b):
     """Fraction 0 to 1 that two whole numbers draw."""
     h = (np.uint64(a) * np.uint64(0x9E3779B97F4A7C15)) ^ (np.uint64(b + 1) * np.uint64(0xC2B2AE3D27D4EB4F))
@@ -54,7 +54,7 @@ def _random(a, b):
     return np.float64(h & np.uint64(0xFFFF)) / 65536.0
 
 
-@njit(cache=True, inline="always")
+@inlined
 def exact_depth(copy, part, shapes, drawn, origin, R_n_c, camera, x, y):
     """Depth [m] at which the ray through (x, y) meets a triangle's plane."""
     a = corner_in_space(shapes, drawn, copy, part, 0, origin)
@@ -63,7 +63,7 @@ def exact_depth(copy, part, shapes, drawn, origin, R_n_c, camera, x, y):
     return _meet(a, _minus(b, a), _minus(c, a), ray(R_n_c, camera, x, y))[0]
 
 
-@njit(cache=True, inline="always")
+@inlined
 def sky(looks, light, to_sun, d, spread):
     """Radiance of the sky along d; `spread` is the angle of a pixel [rad]. y is down."""
     n = 1.0 / math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
@@ -92,7 +92,7 @@ def sky(looks, light, to_sun, d, spread):
     return value + 0.4 * glow**48
 
 
-@njit(cache=True, inline="always")
+@inlined
 def _lit(value, normal, depth, x, y, z, translucency, ambient, bias, light, sun, shadows):
     """Radiance of a surface of some reflectance at a point of {n}, from sun, sky and haze."""
     facing = normal[0] * sun[0, 0] + normal[1] * sun[0, 1] + normal[2] * sun[0, 2]
@@ -110,7 +110,7 @@ def _lit(value, normal, depth, x, y, z, translucency, ambient, bias, light, sun,
     return radiance * clear + light[3] * (1.0 - clear)
 
 
-@njit(cache=True, inline="always")
+@inlined
 def _turned(transforms, copy, x, y, z):
     """Unit vector in {n} of a direction in a copy's axes."""
     X = transforms[copy, 0, 0] * x + transforms[copy, 0, 1] * y + transforms[copy, 0, 2] * z
@@ -120,7 +120,7 @@ def _turned(transforms, copy, x, y, z):
     return X * inverse, Y * inverse, Z * inverse
 
 
-@njit(cache=True, inline="always")
+@inlined
 def leaf_tone(copy, leaf, shapes, drawn, looks, light, sun, shadows, origin, R_n_c):
     """Radiance of a leaf, that of its middle."""
     p, m = drawn.prototypes[copy], drawn.transforms
@@ -143,7 +143,7 @@ def leaf_tone(copy, leaf, shapes, drawn, looks, light, sun, shadows, origin, R_n
     )  # fmt: skip
 
 
-@njit(cache=True, inline="always")
+@inlined
 def leaf_spot(copy, part, mesh, x, y, shapes, drawn, looks, origin, R_n_c, camera):
     """Factor of a leaf's own texture, as seen from near by through pixel position (x, y)."""
     surface = looks.first_surface[shapes.leaf_materials[drawn.prototypes[copy]]]
@@ -158,7 +158,7 @@ def leaf_spot(copy, part, mesh, x, y, shapes, drawn, looks, origin, R_n_c, camer
     return reflectance(looks, surface, u, v, step, 0.0, 0.0, step) / looks.reflectance[surface]
 
 
-@njit(cache=True, inline="always")
+@inlined
 def shade_mesh(copy, part, x, y, shapes, drawn, looks, light, sun, shadows, origin, R_n_c, camera):
     """Radiance of a mesh's triangle, seen through pixel position (x, y)."""
     p, m = drawn.prototypes[copy], drawn.transforms

@@ -5,13 +5,13 @@
 import math
 
 import numpy as np
-from numba import njit
 
+from flowlik.simulation._compile import kernel
 from flowlik.simulation.raster._geometry import STEP, corner_in_space
 from flowlik.simulation.raster.packed import OUTLINE
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def cast_shadows(first, last, shapes, drawn, spheres, R_s_n, origin, rate, heights):
     """Write rows first to last of a shadow map: the greatest height towards the sun over each texel.
 
@@ -47,7 +47,7 @@ def cast_shadows(first, last, shapes, drawn, spheres, R_s_n, origin, rate, heigh
                 _cast(part, copy, shapes, drawn, R_s_n, origin, rate, heights, first, last)
 
 
-@njit(cache=True)
+@kernel
 def _towards(R, axis, point, origin):
     return (
         R[axis, 0] * (point[0] - origin[0])
@@ -56,7 +56,7 @@ def _towards(R, axis, point, origin):
     )
 
 
-@njit(cache=True)
+@kernel
 def _sun_point(R, p, rate, n):
     return (
         (R[0, 0] * p[0] + R[0, 1] * p[1] + R[0, 2] * p[2]) * rate + 0.5 * n,
@@ -65,7 +65,7 @@ def _sun_point(R, p, rate, n):
     )
 
 
-@njit(cache=True)
+@kernel
 def _cast(part, copy, shapes, drawn, R_s_n, origin, rate, heights, first, last):
     n = heights.shape[0]
     x0, y0, h0 = _sun_point(R_s_n, corner_in_space(shapes, drawn, copy, part, 0, origin), rate, n)
@@ -89,7 +89,7 @@ def _cast(part, copy, shapes, drawn, R_s_n, origin, rate, heights, first, last):
                 heights[v, u] = max(heights[v, u], np.float32(b0 * h0 + b1 * h1 + b2 * h2))
 
 
-@njit(cache=True)
+@kernel
 def sunlit(heights, sun, origin, rate, x, y, z, bias):
     """Share 0 to 1 of the sun's light at a point of {n} [m], smoothed over 4 x 4 texels; 1 beyond the map.
 

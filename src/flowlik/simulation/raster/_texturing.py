@@ -5,7 +5,8 @@
 import math
 
 import numpy as np
-from numba import njit
+
+from flowlik.simulation._compile import inlined, kernel
 
 _SIZE = 1024
 _LEVELS = 11
@@ -16,7 +17,7 @@ _SCALE = np.float32(1.0 / 255.0)
 _TURNS = np.array([[1.0, 0.0], [0.94, 0.35], [0.21, -0.98]])
 
 
-@njit(cache=True, inline="always")
+@inlined
 def _bilinear(pyramids, tile, offset, level, s, t):
     """Value 0 to 255 at (s, t) in periods on one level of a periodic tile."""
     n = _SIZE >> level
@@ -32,7 +33,7 @@ def _bilinear(pyramids, tile, offset, level, s, t):
     return top + (c + (d - c) * fx - top) * fy
 
 
-@njit(cache=True)
+@kernel
 def look_up(pyramids, offsets, tile, rate, u, v, ux, vx, uy, vy):
     """Value 0 to 1 of a tile averaged over a pixel's footprint, long and thin if need be.
 
@@ -62,7 +63,7 @@ def look_up(pyramids, offsets, tile, rate, u, v, ux, vx, uy, vy):
     return total * (_SCALE / np.float32(taps))
 
 
-@njit(cache=True)
+@kernel
 def slopes(pyramids, offsets, tile, rate, u, v, footprint):
     """Slopes (along u, along v) [1/m] of a tile's value 0 to 1, over a footprint [m]."""
     step = max(footprint, 1.0 / (rate * _SIZE))
@@ -78,7 +79,7 @@ def slopes(pyramids, offsets, tile, rate, u, v, footprint):
     return along_u * _SCALE / step, along_v * _SCALE / step
 
 
-@njit(cache=True, inline="always")
+@inlined
 def reflectance(looks, surface, u, v, ux, vx, uy, vy):
     """Reflectance of a surface at (u, v) [m]: its mean times the factor of every layer."""
     value = looks.reflectance[surface]

@@ -3,23 +3,25 @@
 # mypy: disable-error-code=no-untyped-def
 
 import numpy as np
-from numba import njit
 
+from flowlik.simulation._compile import kernel
 from flowlik.simulation.raster._geometry import STEP
 from flowlik.simulation.raster._shading import exact_depth, leaf_spot, leaf_tone, ray, shade_mesh, sky
-from flowlik.simulation.raster._visibility import OFFSETS_X, OFFSETS_Y, SAMPLES, TILE, draw
+from flowlik.simulation.raster._visibility import OFFSETS_X, OFFSETS_Y, SAMPLES, TILE, clear, draw
 from flowlik.simulation.raster.packed import OUTLINE
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def render_tiles(
-    first, last, starts, lists, screen, owner, tones, shapes, drawn, looks, light, sun, shadows,
+    first, last, buffers, starts, lists, screen, owner, tones, shapes, drawn, looks, light, sun, shadows,
     origin, R_n_c, camera, samples, radiance, depth, movers,
 ):  # fmt: skip
     """Draw tiles first to last of a picture into radiance, depth and movers (H, W).
 
     Parameters
     ----------
+    buffers : Buffers
+        Written on.
     starts, lists : arrays (tiles + 1,), (entries,)
         Triangles of each tile, near copies first.
     screen, owner : arrays
@@ -31,22 +33,15 @@ def render_tiles(
     """
     height, width = depth.shape
     across = (width + TILE - 1) // TILE
-    nearest, seen = np.empty((TILE * TILE, SAMPLES), np.float32), np.empty((TILE * TILE, SAMPLES), np.int32)
-    centre_w, centre_seen = np.empty(TILE * TILE), np.empty(TILE * TILE, np.int32)
-    farthest = np.empty(TILE * TILE, np.float32)
-    bits = (nearest.view(np.int32), farthest.view(np.int32))
-    who, how_many = np.empty(SAMPLES, np.int32), np.empty(SAMPLES)
-    mean_x, mean_y = np.empty(SAMPLES), np.empty(SAMPLES)
+    seen, centre_seen = buffers.seen, buffers.centre_seen
+    who, how_many, mean_x, mean_y = buffers.who, buffers.how_many, buffers.mean_x, buffers.mean_y
     spread = 1.0 / camera[0]
     for tile in range(first, last):
         left, top = (tile % across) * TILE, (tile // across) * TILE
         columns, rows = min(TILE, width - left), min(TILE, height - top)
-        nearest[:], seen[:], centre_w[:], centre_seen[:], farthest[:] = 0.0, -1, 0.0, -1, 0.0
+        clear(buffers)
         for j in range(starts[tile], starts[tile + 1]):
-            draw(
-                lists[j], screen, left, top, columns, rows, nearest, seen, farthest, bits,
-                centre_w, centre_seen, samples,
-            )  # fmt: skip
+            draw(lists[j], screen, left, top, columns, rows, buffers, samples)
         for v in range(rows):
             for u in range(columns):
                 x, y, pixel = u + left, v + top, v * TILE + u

@@ -3,55 +3,66 @@
 # mypy: disable-error-code=no-untyped-def
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from flowlik.simulation._compile import inlined, kernel
+from flowlik.simulation.geometry import Array, Floats
+from flowlik.simulation.raster.packed import Ints32
 
 TILE = 32
 SAMPLES = 16
 
+# triangles of at most so many pixels each way are looked at before they are set up; with slack for rounding
+SMALL = 4
+SLACK = 1e-4
+
 # sixteen rooks: one sample in each of 16 columns and rows of the pixel
-_ROOKS = np.array(
-    [
-        7,
-        2,
-        13,
-        5,
-        3,
-        8,
-        9,
-        11,
-        1,
-        1,
-        5,
-        14,
-        11,
-        0,
-        15,
-        9,
-        2,
-        12,
-        8,
-        6,
-        14,
-        13,
-        0,
-        5,
-        6,
-        9,
-        12,
-        3,
-        4,
-        4,
-        10,
-        15,
-    ]
-).reshape(16, 2)
+_ROOKS = np.array([
+    (7, 2), (13, 5), (3, 8), (9, 11), (1, 1), (5, 14), (11, 0), (15, 9),
+    (2, 12), (8, 6), (14, 13), (0, 5), (6, 9), (12, 3), (4, 4), (10, 15),
+])  # fmt: skip
 OFFSETS_X = ((_ROOKS[:, 0] + 0.5) / 16 - 0.5).astype(np.float32)
 OFFSETS_Y = ((_ROOKS[:, 1] + 0.5) / 16 - 0.5).astype(np.float32)
 
 
-@njit(cache=True, inline="always")
+class Buffers(NamedTuple):
+    """What one thread writes on while it draws a tile of P pixels.
+
+    Positive floats are ordered as their bits are, and the least of many whole numbers is found at once.
+    """
+
+    nearest: Floats  # (P, SAMPLES) inverse depth of every sample [1/m]
+    nearest_bits: Ints32  # (P, SAMPLES) the same memory as whole numbers
+    seen: Ints32  # (P, SAMPLES) triangle of every sample, -1 for none
+    farthest: Floats  # (P,) least inverse depth over a pixel's samples: what lies behind it is hidden
+    farthest_bits: Ints32  # (P,) the same memory as whole numbers
+    centre_w: Array  # (P,) inverse depth of the pixel's centre [1/m]
+    centre_seen: Ints32  # (P,) triangle of the pixel's centre, -1 for none
+    who: Ints32  # (SAMPLES,) the triangles that one pixel sees,
+    how_many: Array  # (SAMPLES,) in how many of its samples,
+    mean_x: Array  # (SAMPLES,) and the sums of these samples' places
+    mean_y: Array  # (SAMPLES,)
+
+
+def make_buffers() -> Buffers:
+    """Buffers for one thread."""
+    nearest, farthest = np.empty((TILE * TILE, SAMPLES), np.float32), np.empty(TILE * TILE, np.float32)
+    return Buffers(
+        nearest,
+        nearest.view(np.int32),
+        np.empty((TILE * TILE, SAMPLES), np.int32),
+        farthest,
+        farthest.view(np.int32),
+        np.empty(TILE * TILE),
+        np.empty(TILE * TILE, np.int32),
+        np.empty(SAMPLES, np.int32),
+        *np.empty((3, SAMPLES)),
+    )
+
+
+@inlined
 def tile_range(screen, i, size, axis):
     """First and last tile that triangle i touches along an axis (0 column, 1 row) of some size [px]."""
     low = min(screen[i, axis], min(screen[i, axis + 3], screen[i, axis + 6]))
@@ -62,7 +73,7 @@ def tile_range(screen, i, size, axis):
     return first, min(last, (size - 1) // TILE)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def count_in_tiles(first, last, screen, width, height, counts):
     """Count triangles first to last in each tile (counts: (tiles,))."""
     across = (width + TILE - 1) // TILE
@@ -74,7 +85,7 @@ def count_in_tiles(first, last, screen, width, height, counts):
                 counts[y * across + x] += 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def list_in_tiles(first, last, screen, width, height, places, lists):
     """Write triangles first to last into the lists of their tiles, from places (tiles,) on."""
     across = (width + TILE - 1) // TILE
@@ -88,29 +99,43 @@ def list_in_tiles(first, last, screen, width, height, places, lists):
                 places[tile] += 1
 
 
-@njit(cache=True)
-def draw(i, screen, left, top, columns, rows, nearest, seen, farthest, bits, centre_w, centre_seen, samples):
+@kernel
+def clear(buffers):
+    """Empty a tile: nothing is seen."""
+    buffers.nearest[:], buffers.seen[:], buffers.farthest[:] = 0.0, -1, 0.0
+    buffers.centre_w[:], buffers.centre_seen[:] = 0.0, -1
+
+
+@inlined
+def draw(i, screen, left, top, columns, rows, buffers, samples):
     """Draw triangle i into a tile whose first pixel is (left, top).
 
-    nearest (pixels, SAMPLES) float32 and seen (pixels, SAMPLES) int32 hold inverse depth and triangle of
-    every sample, centre_w and centre_seen (pixels,) those of the pixel's centre, farthest (pixels,) the
-    least inverse depth over a pixel's samples: what lies behind it cannot be seen. bits is the pair of
-    `nearest` and `farthest` seen as int32: positive floats are ordered as their bits are, and the least of
-    many whole numbers is found at once. Arrays are indexed in full, since a view costs more than the work.
+    Without `samples`, only what the pixels' centres see.
     """
-    nearest_bits, farthest_bits = bits
+    nearest, seen, farthest = buffers.nearest, buffers.seen, buffers.farthest
+    nearest_bits, farthest_bits = buffers.nearest_bits, buffers.farthest_bits
+    centre_w, centre_seen = buffers.centre_w, buffers.centre_seen
     who = np.int32(i)
     x0, y0, w0 = np.float64(screen[i, 0]), np.float64(screen[i, 1]), np.float64(screen[i, 2])
     x1, y1, w1 = np.float64(screen[i, 3]), np.float64(screen[i, 4]), np.float64(screen[i, 5])
     x2, y2, w2 = np.float64(screen[i, 6]), np.float64(screen[i, 7]), np.float64(screen[i, 8])
-    area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
-    if area == 0.0:
-        return
     u_first = max(0, math.floor(max(min(x0, min(x1, x2)) - left, -1.0) + 0.5))
     u_last = min(columns - 1, math.floor(min(max(x0, max(x1, x2)) - left, columns + 1.0) + 0.5))
     v_first = max(0, math.floor(max(min(y0, min(y1, y2)) - top, -1.0) + 0.5))
     v_last = min(rows - 1, math.floor(min(max(y0, max(y1, y2)) - top, rows + 1.0) + 0.5))
     if u_first > u_last or v_first > v_last:
+        return
+    if u_last - u_first < SMALL and v_last - v_first < SMALL:
+        # most triangles are small and lie behind what is there already
+        nearest_w, hidden = max(w0, max(w1, w2)) * (1.0 + SLACK), True
+        for v in range(v_first, v_last + 1):
+            for u in range(u_first, u_last + 1):
+                pixel = v * TILE + u
+                hidden &= (nearest_w < farthest[pixel]) & (nearest_w < centre_w[pixel])
+        if hidden:
+            return
+    area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+    if area == 0.0:
         return
     # barycentric coordinates and inverse depth are linear on the screen
     inverse = 1.0 / area

@@ -12,8 +12,8 @@ from flowlik.simulation.geometry import Array
 from flowlik.simulation.light import Light
 from flowlik.simulation.raster._geometry import corners_in_space, to_screen
 from flowlik.simulation.raster._tiles import render_tiles
-from flowlik.simulation.raster._visibility import TILE, count_in_tiles, list_in_tiles
-from flowlik.simulation.raster.packed import Drawn, Ints, Looks, Shapes
+from flowlik.simulation.raster._visibility import TILE, count_in_tiles, list_in_tiles, make_buffers
+from flowlik.simulation.raster.packed import OUTLINE, Drawn, Ints, Looks, Shapes
 from flowlik.simulation.raster.shadows import Shadows
 from flowlik.threads import in_bands
 
@@ -45,14 +45,18 @@ def render_frame(
         daylight, shadows.axes, shadows[1:],
         origin, R_n_c, intrinsics, samples, radiance, depth, movers,
     )  # fmt: skip
-    in_bands(lambda first, last: render_tiles(first, last, *inputs), len(starts) - 1, _TILES_PER_BAND)
+    in_bands(
+        lambda first, last: render_tiles(first, last, make_buffers(), *inputs),
+        len(starts) - 1,
+        _TILES_PER_BAND,
+    )
     return Frame(radiance, depth, movers if (drawn.movers >= 0).any() else None)
 
 
 def triangles_of(shapes: Shapes, drawn: Drawn) -> Array:
     """Corners (F, 3, 3) in {n} [m] of all triangles of the copies, at the detail in which they are drawn."""
     corners = np.empty((int(_most_triangles(shapes, drawn).sum()) // 2, 3, 3))
-    corners_in_space(shapes, drawn, corners)
+    corners_in_space(shapes, drawn, np.zeros(3), corners)
     return corners
 
 
@@ -69,9 +73,11 @@ def _project(
     def work(first: int, last: int) -> None:
         for c in range(first, last):
             rows = slice(places[c], places[c + 1])
+            most = max(int(drawn.points[limits[c] : limits[c + 1]].max(initial=0)), OUTLINE)
             chunks[c, 1] += to_screen(
                 limits[c], limits[c + 1], shapes, drawn, R_c_n, origin, intrinsics,
-                camera.width, camera.height, screen[rows], owner[rows],
+                camera.width, camera.height, np.empty((most, 5)), np.empty((10, 4)),
+                screen[rows], owner[rows],
             )  # fmt: skip
 
     in_bands(work, len(chunks), 1)

@@ -1,0 +1,263 @@
+"""Calibration, measured: in sample, held out, on real images; every family x schedule x flow in one table.
+
+    python benchmarks/calibration.py --out RUN --cache CACHE [--data DATA] [--methods ...] [--quick]
+
+CACHE keeps rendered flights and sketches (`benchmarks/calibration_plan.py` says which). Real images come from
+DATA (layouts as `docs/datasets.md` has them); models are calibrated in simulation alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from calibration_plan import CALIBRATION, REPORT, strict
+from flights import Flight, errors_of
+from flowlik.calibration import (
+    FLOW_INDEX,
+    ErrorSketch,
+    Task,
+    calibrate,
+    index_form,
+    merge_all,
+    schedule_index,
+    sketch_blocks,
+    split_blocks,
+)
+from flowlik.datasets import open_sequence
+from flowlik.datasets.base import Sequence
+from flowlik.evaluation.goodness import (
+    CONFIDENCES,
+    coverage,
+    kolmogorov_smirnov,
+    negative_log_likelihood,
+    nll_interval,
+    outside_range,
+)
+from flowlik.families import FAMILIES
+from flowlik.flow import flow_method
+from flowlik.likelihood import FlowLikelihood
+from flowlik.records import Record, protocol, write_records
+from flowlik.schedule import Index
+from ship_models import DENSE_PIXELS, METHODS
+
+REAL = {
+    "Sintel alley_1 clean": "flow/sintel/training/clean/alley_1",
+    "Sintel alley_1 final": "flow/sintel/training/final/alley_1",
+    "Sintel alley_2 clean": "flow/sintel/training/clean/alley_2",
+    "Sintel cave_2 final": "flow/sintel/training/final/cave_2",
+    "KITTI 2012": "flow/kitti2012/training",
+    "RubberWhale": "flow/middlebury/RubberWhale",
+    "FlyingChairs": "flow/flyingchairs",
+    "Motorcycle": "stereo/motorcycle",
+    "TartanAir": "tartanair_v2/abs_P000",
+    "7-Scenes (soft truth)": "sevenscenes",
+}
+SHOWN = (("index", "glc"), ("texture", "lcm"), ("flow", "lcm"), ("texture", "gaussian"))
+LEAST_COMPONENTS, LEAST_FRAMES = 10_000, 20
+
+
+@dataclass(frozen=True)
+class Options:
+    """Folders, and whether to do less."""
+
+    cache: Path
+    data: Path | None
+    quick: bool
+
+    @property
+    def kitti_poses(self) -> Path | None:
+        return None if self.data is None else self.data / "kitti_poses"
+
+
+def task_of(method: str, indices: tuple[Index, ...] = (Index(), FLOW_INDEX)) -> Task:
+    flow = flow_method(method)
+    return Task(flow, indices, index_form(flow).covariates, pixels=DENSE_PIXELS)
+
+
+def models_of(
+    method: str, flights: tuple[Flight, ...], wanted: list[tuple[str, str]], options: Options
+) -> tuple[dict[tuple[str, str], FlowLikelihood], dict[str, list[ErrorSketch]]]:
+    """Likelihoods by (schedule, family) from flights, and the sketches they were fitted to by schedule."""
+    found = [errors_of(f, task_of(method), options.cache, options.kitti_poses, method) for f in flights]
+    flow = flow_method(method)
+    blocks = {"texture": [b for f in found for b in f[0]], "flow": [b for f in found for b in f[1]]}
+    blocks["constant"] = blocks["texture"]
+    index = schedule_index("index", [f[0] for f in found], index_form(flow))
+    blocks["index"] = [b.over(index) for b in blocks["texture"]]
+    models = {(s, f): calibrate(blocks[s], FAMILIES[f], flow, constant=s == "constant") for s, f in wanted}
+    return models, blocks
+
+
+def sketches_of(
+    method: str,
+    models: dict[tuple[str, str], FlowLikelihood],
+    name: str,
+    source: Flight | Sequence,
+    options: Options,
+) -> dict[Index, list[ErrorSketch]]:
+    """Blocks of errors over the index of every model, all of the same measurements."""
+    indices = tuple(dict.fromkeys(m.schedule.index for m in models.values()))
+    task = task_of(method, indices)
+    if isinstance(source, Flight):
+        label = f"{method}-{abs(hash_of(indices)):x}"
+        found = errors_of(source, task, options.cache, options.kitti_poses, label)
+    else:
+        each = list(sketch_blocks(split_blocks(source, 0, 1), [task]))
+        found = [[sketches[kind] for sketches in each] for kind in range(len(indices))]
+    return dict(zip(indices, found))
+
+
+def hash_of(indices: tuple[Index, ...]) -> int:
+    import zlib
+
+    return zlib.crc32(repr(indices).encode())
+
+
+def records_of(
+    method: str,
+    dataset: str,
+    models: dict[tuple[str, str], FlowLikelihood],
+    sketches: dict[Index, list[ErrorSketch]],
+    **keys: object,
+) -> Iterator[Record]:
+    """Figures of every model on one population, printed as they come."""
+    for (schedule, family), model in models.items():
+        blocks = [b for b in sketches[model.schedule.index] if b.total]
+        merged = merge_all(blocks)
+        ks = kolmogorov_smirnov(merged, model, LEAST_COMPONENTS, LEAST_FRAMES if len(blocks) > 1 else 1)
+        low, high = nll_interval(blocks, model, np.random.default_rng(0))
+        figures = {
+            "nll": negative_log_likelihood(merged, model),
+            "ks_median": ks.median,
+            "ks_max": ks.maximum,
+            **{f"coverage_{c * 100:.0f}": coverage(merged, model, c) for c in CONFIDENCES},
+            "coverage_90_lowest_level": float(level_coverage(merged, model)[ks.counted].min(initial=1.0)),
+            "coverage_90_highest_level": float(level_coverage(merged, model)[ks.counted].max(initial=0.0)),
+            "outside_fraction": outside_range(merged, model),
+        }
+        note = protocol(
+            **keys, pairs=merged.pairs, levels=f"≥{LEAST_COMPONENTS} components",
+            nll_interval_95=f"{low:.3f} … {high:.3f}",
+            counted_share=f"{ks.counted_share:.3f}",
+        )  # fmt: skip
+        units = {"nll": "nat"}
+        for metric, value in figures.items():
+            yield Record(
+                metric,
+                value,
+                units.get(metric, ""),
+                dataset,
+                method,
+                family,
+                schedule,
+                None,
+                merged.total,
+                0,
+                note,
+            )
+        print(
+            f"{method:<16} {dataset:<24} {schedule:<9} {family:<12} nll {figures['nll']:7.3f}  "
+            f"K-S {ks.median:.3f} "
+            f"max {ks.maximum:.3f}  90 %: {figures['coverage_90']:.3f} "
+            f"({figures['coverage_90_lowest_level']:.3f} … {figures['coverage_90_highest_level']:.3f})",
+            flush=True,
+        )
+
+
+def level_coverage(sketch: ErrorSketch, model: FlowLikelihood, confidence: float = 0.9) -> np.ndarray:
+    """Share (L,) of components of each texture level within the model's region; NaN at empty levels.
+
+    Needs the joint counts of level, x and abs(z), which a sketch does not keep: taken from its reservoir.
+    """
+    values = dict(zip(sketch.columns, sketch.rows.T))
+    x = sketch.index.combine(values)
+    inside = np.abs(sketch.rows[:, -1]) <= model.bound(x, confidence)
+    from flowlik.calibration.sketch import LEVELS, level_edges
+
+    level = np.clip(np.digitize(values["texture"], level_edges()) - 1, 0, LEVELS - 1)
+    with np.errstate(invalid="ignore"):
+        return np.bincount(level, inside, LEVELS) / np.bincount(level, minlength=LEVELS)
+
+
+def floor(mine: ErrorSketch, other: ErrorSketch) -> float:
+    """Median K-S distance of abs(z) between two populations at equal textures."""
+    counts = [s.errors.sum(axis=1) for s in (mine, other)]
+    totals = [c.sum(axis=1, keepdims=True) for c in counts]
+    counted = (totals[0][:, 0] >= LEAST_COMPONENTS) & (totals[1][:, 0] >= LEAST_COMPONENTS)
+    with np.errstate(invalid="ignore"):
+        shares = [np.cumsum(c, axis=1) / t for c, t in zip(counts, totals)]
+    return float(np.median(np.abs(shares[0] - shares[1]).max(axis=1)[counted]))
+
+
+def in_sample(method: str, options: Options) -> Iterator[Record]:
+    """Every family over texture, and the best over every schedule, on the calibration flights."""
+    wanted = [("texture", family) for family in FAMILIES]
+    wanted += [(s, f) for s in ("constant", "flow", "index") for f in ("lcm", "glc")]
+    models, blocks = models_of(method, CALIBRATION, wanted, options)
+    sketches = {models[s, "lcm"].schedule.index: blocks[s] for s in ("texture", "flow", "index")}
+    yield from records_of(method, "calibration flights", models, sketches, split="in sample")
+
+
+def held_out(method: str, options: Options) -> Iterator[Record]:
+    """Models that have seen neither the seeds, nor the speeds, nor the world kind, nor the path."""
+    models, _ = models_of(method, strict(), list(SHOWN), options)
+    merged = {}
+    for name, flight in REPORT.items():
+        sketches = sketches_of(method, models, name, flight, options)
+        yield from records_of(method, name, models, sketches, split="held out")
+        merged[name] = merge_all(sketches[Index()])
+    first, *others = merged
+    for name in others:
+        value = floor(merged[first], merged[name])
+        print(
+            f"{method:<16} {name:<24} K-S between its errors and those of '{first}': {value:.3f}", flush=True
+        )
+        yield Record("ks_between_populations", value, "", name, method, protocol=protocol(other=first))
+
+
+def real(method: str, options: Options) -> Iterator[Record]:
+    """Real and other people's images, with models that saw only our simulation."""
+    assert options.data is not None
+    models, _ = models_of(method, CALIBRATION, list(SHOWN), options)
+    for name, path in REAL.items():
+        if not (options.data / path).exists():
+            print(f"no {name} at {path}: left out")
+            continue
+        sketches = sketches_of(method, models, name, open_sequence(options.data / path), options)
+        yield from records_of(method, name, models, sketches, split="other data")
+
+
+PARTS = {"in-sample": in_sample, "held-out": held_out, "real": real}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, help="folder for metrics.json")
+    parser.add_argument("--cache", type=Path, required=True)
+    parser.add_argument("--data", type=Path)
+    parser.add_argument("--methods", nargs="+", choices=METHODS, default=METHODS)
+    parser.add_argument("--only", nargs="+", choices=PARTS, default=tuple(PARTS))
+    parser.add_argument("--quick", action="store_true", help="Lucas-Kanade alone")
+    arguments = parser.parse_args()
+    options = Options(arguments.cache, arguments.data, arguments.quick)
+    methods = ("lucas-kanade",) if options.quick else arguments.methods
+    records = []
+    for part in arguments.only:
+        if part == "real" and options.data is None:
+            print("no --data: nothing measured on real images")
+            continue
+        for method in methods:
+            records += list(PARTS[part](method, options))
+    if arguments.out:
+        write_records(arguments.out / "metrics.json", records)
+
+
+if __name__ == "__main__":
+    main()
