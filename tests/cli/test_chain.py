@@ -20,6 +20,15 @@ from tests.cli.conftest import METHODS, image_of
 
 GOODNESS = ["nll", "ks_median", "ks_max", "ks_signed_median", "ks_weighted_mean"]
 GOODNESS += [f"coverage_{level}" for level in (50, 68, 90, 95, 99)] + ["outside_fraction"]
+GOODNESS += ["coverage_90_worst_level", "pit_deviation", "pit_ks", "ause_mean", "ause_median", "ause_rmse"]
+GOODNESS += ["ause_relative", "rank_correlation"]
+ALIKE = ["ks_textures_alike", "ks_textures_apart", "nll_gain_of_pooling"]
+BIAS = [
+    name + where
+    for where in ("", "_low_texture")
+    for name in ("negative_share", "signed_median", "signed_mean")
+]
+COSTS = ["pairs_per_second", "components_per_second", "peak_memory_mb"]
 MOTION = ["drift_percent", "t_err_percent", "r_err_deg_per_100m", "t_err_offset_removed_percent"]
 MOTION += ["rpe_trans_median_m", "rpe_rot_median_deg", "frames_per_second", "unsolved_fraction"]
 MOTION += ["outside_fraction"]
@@ -79,7 +88,8 @@ def test_a_calibration_leaves_a_model_and_its_evidence(calibrations, models, met
     assert (model.method["name"], model.family.name) == (method, "glc")
     records = read_records(calibrations[method] / "metrics.json")
     for family in ("lcm", "log-logistic", "gaussian"):
-        assert [r.metric for r in select(records, family=family, flow=method)] == GOODNESS
+        assert [r.metric for r in select(records, family=family, flow=method)][: len(GOODNESS)] == GOODNESS
+    assert [r.metric for r in select(records, family=None)] == COSTS + BIAS
     (nll,) = select(records, family="glc", metric="nll", schedule="index")
     assert nll.count == model.provenance["components"] > 1000
     assert "split=calibration" in nll.protocol
@@ -88,7 +98,7 @@ def test_a_calibration_leaves_a_model_and_its_evidence(calibrations, models, met
 
 def test_evaluation(flight, models, tmp_path):
     outcome = succeed("evaluate", models["lucas-kanade"], flight, "--out", tmp_path / "run", "--json")
-    assert metrics(outcome.out) == GOODNESS
+    assert metrics(outcome.out) == COSTS + GOODNESS + ALIKE + BIAS
     assert outcome.err == [f"report: {tmp_path / 'run' / 'report.html'}"]
     check_run(tmp_path / "run", "evaluate")
 

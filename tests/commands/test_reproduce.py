@@ -54,8 +54,8 @@ def test_models_metrics_figures_and_page_are_left(run):
         assert {path.stem for path in (run.path / "figures").glob(f"*.{suffix}")} == stems
     kinds = {stem.split("--")[0] for stem in stems}
     assert kinds == {
-        "coverage", "distributions", "error-over-texture", "flow-sequence", "frame-errors", "goodness",
-        "table", "trajectories",
+        "bias", "coverage", "distributions", "error-over-texture", "flow-sequence", "frame-errors",
+        "goodness", "levels", "pit", "sparsification", "table", "trajectories",
     }  # fmt: skip
     assert (run.path / "report.html").stat().st_size > 100_000
 

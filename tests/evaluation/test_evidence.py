@@ -3,7 +3,9 @@ import pytest
 
 from flowlik.calibration import ErrorSketch
 from flowlik.evaluation import evidence
-from flowlik.schedule import Index
+from flowlik.families import LaplaceCauchy
+from flowlik.likelihood import FlowLikelihood
+from flowlik.schedule import Index, Schedule
 from tests.helpers import KNOTS, lcm_likelihood
 
 MODEL = lcm_likelihood(method={"name": "synthetic"})
@@ -105,7 +107,13 @@ def test_arrays_of_the_table(sketch):
     arrays = evidence.table(sketch, MODEL)
     np.testing.assert_allclose(arrays["knots"], np.exp(KNOTS))
     assert arrays["values"].shape == (len(KNOTS), len(arrays["names"])) == (len(KNOTS), len(arrays["units"]))
-    assert arrays["counts_per_texture"].sum() == sketch.total
+    assert arrays["counts"].sum() == sketch.total and str(arrays["coordinate"]) == "texture"
+    resampled = MODEL.schedule.values + np.linspace(-1, 1, 41)[:, None, None]
+    banded = evidence.table(sketch, MODEL, resampled)
+    np.testing.assert_allclose(banded["high"] - arrays["values"], 0.95)
+    np.testing.assert_allclose(arrays["values"] - banded["low"], 0.95)
+    constant = FlowLikelihood(LaplaceCauchy(), Schedule.constant(np.array([0.9, 0.5, 0.6])))
+    assert np.isfinite(evidence.table(sketch, constant)["knots"]).all()
 
 
 def test_empirical_and_fitted_densities_agree_and_integrate_to_one(sketch):
@@ -123,16 +131,18 @@ def test_levels_without_data_are_not_shown():
     texture, z, rng = draw(0, n=20_000)
     few = texture <= 3
     sketch = ErrorSketch.of(Index(), {"texture": texture[few]}, z[few], np.ones(few.sum()), rng)
-    np.testing.assert_array_equal(evidence.distributions(sketch, MODEL)["level_edges"], [(0.3, 1.0)])
+    np.testing.assert_array_equal(
+        evidence.distributions(sketch, MODEL)["level_edges"], evidence.SHOWN_LEVELS[:1]
+    )
 
 
 def test_arrays_of_goodness_and_coverage(sketch):
-    models = {"lcm": MODEL, "again": lcm_likelihood()}
-    goodness = evidence.goodness(sketch, models, 1000, 2)
+    models = {"lcm": (sketch, MODEL), "again": (sketch, lcm_likelihood())}
+    goodness = evidence.goodness(models, 1000, 2)
     assert goodness["ks"].shape == (2, len(goodness["texture"]))
     np.testing.assert_array_equal(*goodness["ks"])
     assert goodness["counts"].sum() == sketch.total and (goodness["counts"] > 0).all()
-    reliability = evidence.reliability(sketch, models)
+    reliability = evidence.reliability(models)
     assert list(reliability["names"]) == ["lcm", "again"]
     assert (np.diff(reliability["nominal"]) > 0).all()
     np.testing.assert_allclose(reliability["observed"][0], reliability["nominal"], atol=0.01)

@@ -141,3 +141,26 @@ def test_an_interval_over_blocks_covers_the_truth_and_narrows():
     assert high - low < high_few - low_few
     # the width of a binomial interval over 24 000 components
     assert high - low == pytest.approx(2 * 1.96 * np.sqrt(0.09 / 24_000), rel=0.4)
+
+
+def test_the_floor_is_the_two_sample_statistic():
+    (x, z), (y, w) = draw(MODEL, 60_000), draw(MODEL, 60_000, 1)
+    w = 1.2 * w + 0.05
+    floor = goodness.held_out_floor(sketch_of(x, z), sketch_of(y, w), 500, 1)
+    level, other = (np.floor((a / np.log(10) + 2) * 8).astype(int) for a in (x, y))
+    for i in (5, 20, 50):
+        a, b = z[level == i], w[other == i]
+        assert floor.statistic[i] == pytest.approx(stats.ks_2samp(np.abs(a), np.abs(b)).statistic, abs=0.01)
+        assert floor.signed[i] == pytest.approx(stats.ks_2samp(a, b).statistic, abs=0.01)
+        assert floor.counts[i] == min(len(a), len(b))
+    assert floor.median == np.median(floor.statistic[floor.counted])
+    same = goodness.held_out_floor(sketch_of(x, z), sketch_of(x, z), 500, 1)
+    assert same.maximum == 0
+
+
+def test_the_bound_of_a_level_holds_its_share_of_all_errors():
+    x, z = draw(MODEL)
+    bounds = goodness.level_bound(sketch_of(x, z), MODEL, 0.9)
+    level = np.floor((x / np.log(10) + 2) * 8).astype(int)
+    for i in (5, 30, 50):
+        assert np.mean(np.abs(z[level == i]) <= bounds[i]) == pytest.approx(0.9, abs=0.02)

@@ -67,8 +67,8 @@ def table(rng, M=12):
         "values": np.stack([0.3 + 0.6 * steps, 10 ** (1 - 3 * steps), 0.4 + 0.4 * np.sin(3 * steps)], axis=1),
         "names": np.array(["beta", "gamma", "w_L"]),
         "units": np.array(["1", "px", "1"]),
-        "texture_edges": np.logspace(-2, 5, 57),
-        "counts_per_texture": (1e5 * np.exp(-(np.linspace(-3, 2, 56) ** 2))).astype(np.int64),
+        "edges": np.logspace(-2, 5, 57),
+        "counts": (1e5 * np.exp(-(np.linspace(-3, 2, 56) ** 2))).astype(np.int64),
     }
 
 
@@ -94,6 +94,61 @@ def coverage(rng):
     nominal = np.array([0.5, 0.68, 0.9, 0.95, 0.99])
     observed = np.clip([nominal + 0.005, nominal - 0.03, nominal + 0.2 * (1 - nominal)], 0, 1)
     return {"nominal": nominal, "names": np.array(["lcm", "log-logistic", "gaussian"]), "observed": observed}
+
+
+def levels(rng, X=40):
+    texture = np.logspace(-1, 4, X)
+    covered = 0.9 + 0.03 * rng.standard_normal((2, X))
+    covered[:, 0] = np.nan
+    return {
+        "texture": texture,
+        "names": np.array(["lcm · index", "lcm · texture"]),
+        "coverage": np.clip(covered, 0, 1),
+        "nll": 1 - 0.1 * np.log(texture) + rng.normal(0, 0.05, (2, X)),
+        "counted": np.tile(np.arange(X) > 8, (2, 1)),
+        "confidence": np.array(0.9),
+    }
+
+
+def pit(rng, B=20):
+    density = np.array([[1.0], [1.0]]) + rng.normal(0, [[0.02], [0.3]], (2, B))
+    return {"edges": np.linspace(0, 1, B + 1), "names": np.array(["glc", "gaussian"]), "density": density}
+
+
+def sparsification(rng, G=100):
+    removed = np.linspace(0, 0.99, G)
+    oracle = np.tile((1 - removed) ** 2, (2, 2, 1))
+    return {
+        "removed": removed,
+        "names": np.array(["lcm", "gaussian"]),
+        "statistics": np.array(["mean", "median"]),
+        "curves": oracle + np.array([0.3, 0.6])[:, None, None] * removed,
+        "oracle": oracle,
+        "ause": np.array([[0.15, 0.15], [0.3, 0.3]]),
+    }
+
+
+def bias(rng, X=40):
+    texture = np.logspace(-1, 4, X)
+    size = texture**-0.4
+    return {
+        "texture": texture,
+        "negative": 0.5 + 0.3 / (1 + texture),
+        "median": -size / (1 + texture),
+        "mean": -size / (2 + texture) + 0.1 * rng.standard_normal(X),
+        "median_magnitude": size,
+        "counts": (1e6 * np.exp(-(np.linspace(-3.5, 3, X) ** 2))).astype(np.int64),
+    }
+
+
+def eigenbasis(rng, R=8):
+    return {
+        "ratio_edges": np.linspace(0, 1, R + 1),
+        "counts": np.linspace(1e5, 1e3, R),
+        "names": np.array(["as it is", "pooled"]),
+        "nll": 1 + 0.01 * rng.standard_normal((2, R)),
+        "ks": 0.05 + 0.01 * rng.random((2, R)),
+    }
 
 
 def trajectories(rng, N=120):
@@ -127,6 +182,11 @@ MAKERS = {
     "distributions": distributions,
     "goodness": goodness,
     "coverage": coverage,
+    "levels": levels,
+    "pit": pit,
+    "sparsification": sparsification,
+    "bias": bias,
+    "eigenbasis": eigenbasis,
     "trajectories": trajectories,
     "frame-errors": frame_errors,
 }

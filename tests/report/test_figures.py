@@ -7,7 +7,7 @@ import pytest
 
 from flowlik import report
 from flowlik.errors import DataError
-from flowlik.report.draw_calibration import _magnitude_quantile
+from flowlik.report.draw_calibration import _magnitude_quantile, draw_table
 from flowlik.report.draw_motion import _widest_axes
 from flowlik.report.figures import FIGURES, caption, check, render
 from flowlik.report.hue import flow_scale, hue_colours
@@ -131,6 +131,27 @@ def test_looks_are_the_same_however_a_name_is_spelled():
     lcm, loglogistic, other, second = looks(["LCM", "log_logistic", "opencv", "poselib"])
     assert lcm == looks(["laplace-cauchy"])[0] and loglogistic.label == "log-logistic"
     assert len({lcm.colour, loglogistic.colour, other.colour, second.colour}) == 4
+
+
+def test_a_schedule_changes_the_line_but_not_the_colour():
+    index, texture, plain = looks(["lcm · index", "lcm · texture", "lcm"])
+    assert index.colour == texture.colour == plain.colour and index.dash != texture.dash
+    assert index.label == "LCM · index"
+
+
+def test_a_table_over_an_index_says_so():
+    data = make("table") | {"coordinate": np.array("index")}
+    labels = [draw_table(data).axes[0].get_xlabel() for data in (data, make("table"))]
+    assert "px" in labels[0] and "texture" in labels[1]
+
+
+def test_bands_and_a_floor_are_drawn():
+    table = make("table")
+    table |= {"low": table["values"] * 0.9, "high": table["values"] * 1.1}
+    goodness = make("goodness")
+    goodness["floor"] = np.full(len(goodness["texture"]), 0.01)
+    for kind, data in (("table", table), ("goodness", goodness)):
+        assert render(kind, data).svg != render(kind, make(kind)).svg
 
 
 @pytest.mark.parametrize(("value", "expected"), [(1, 1), (0.99, 0.5), (49, 20), (0, 1), (np.nan, 1)])

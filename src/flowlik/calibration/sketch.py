@@ -43,6 +43,12 @@ def level_edges() -> Array:
     return np.exp(np.linspace(*TEXTURE_RANGE, LEVELS + 1))
 
 
+def level_centres() -> Array:
+    """Centres (L,) of the texture levels [intensity^2/px^2]."""
+    edges = level_edges()
+    return np.sqrt(edges[1:] * edges[:-1])
+
+
 def magnitude_centres() -> Array:
     """Representative abs(z) (Z,) [px] of each error bin; the first bin reaches down to 0."""
     edges = magnitude_nodes()

@@ -23,7 +23,8 @@ from flowlik.calibration import (
 )
 from flowlik.commands.sketching import Execution, sketch_for_run
 from flowlik.datasets import open_sequence
-from flowlik.evaluation import evidence
+from flowlik.evaluation import evidence, table
+from flowlik.evaluation.bias import bias_records
 from flowlik.evaluation.goodness import outside_range
 from flowlik.families import FAMILIES, error_family
 from flowlik.flow import describe, flow_method, method_label
@@ -166,17 +167,18 @@ def add_evidence(
 
     The first model is the one drawn in detail.
     """
-    merged = merge_all(blocks)
+    merged, main = merge_all(blocks), next(iter(models.values()))
     for model in models.values():
-        run.records += evidence.goodness_records(
+        run.records += table.model_records(
             blocks, model, dataset, seed, least_components, least_frames, **keys
         )
-    main = next(iter(models.values()))
-    run.save("error-over-texture", label, evidence.error_over_texture(merged, main))
-    run.save("goodness", label, evidence.goodness(merged, models, least_components, least_frames))
-    run.save("coverage", label, evidence.reliability(merged, models))
-    shown = evidence.distributions(merged, main)
-    if len(shown["level_edges"]):
-        run.save("distributions", label, shown)
+    figures = table.figures([blocks], models, least_components, least_frames)
+    flow = method_label(main.method) if main.method else None
+    if select(run.records, metric="negative_share", dataset=dataset, flow=flow):
+        del figures["bias"]  # it is the flow's, whatever the schedule
+    else:
+        run.records += bias_records(merged, dataset, flow, seed, **keys)
+    for kind, arrays in figures.items():
+        run.save(kind, label, arrays)
     if message := evidence.outside_warning(outside_range(merged, main), dataset):
         run.warn(message)

@@ -10,6 +10,7 @@ from flowlik.commands.calibrate import add_evidence
 from flowlik.commands.sketching import Execution, sketch_for_run
 from flowlik.datasets import open_sequence
 from flowlik.errors import DataError
+from flowlik.evaluation.eigenbasis import kept_for_eigenbasis
 from flowlik.flow import confirmed_method, method_label
 from flowlik.model_file import load_likelihood
 from flowlik.progress import Progress, no_progress
@@ -27,7 +28,7 @@ def evaluate(
     progress: Progress = no_progress,
     execution: Execution = Execution(),  # noqa: B008
 ) -> RunFolder:
-    """Evaluate a model on sequences with true flow: log score, K-S over texture, coverage.
+    """Evaluate a model on sequences with true flow: all that `add_evidence` tells.
 
     Parameters
     ----------
@@ -57,11 +58,12 @@ def evaluate(
     """
     likelihood = load_likelihood(model)
     flow = confirmed_method(likelihood.method or {}, method)
+    index = likelihood.schedule.index
     run = RunFolder(out, command, {"model": str(model), "data": [str(d) for d in data]}, seed)
     for number, folder in enumerate(data):
         sequence = open_sequence(folder, format)
         blocks = split_blocks(sequence, seed)
-        task = Task(flow, (likelihood.schedule.index,), texture=likelihood.texture)
+        task = Task(flow, (index,), kept_for_eigenbasis(index), likelihood.texture)
         found = sketch_for_run(
             run, blocks, [task], f"errors on {sequence.name}", execution, progress, f"sketches-{number}",
             dataset=sequence.name, flow=method_label(likelihood.method or {}),

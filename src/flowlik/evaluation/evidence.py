@@ -4,11 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from collections.abc import Sequence as Seq
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from flowlik.calibration.sketch import ErrorSketch, bin_centres, magnitude_centres, merge_all, x_edges
+from flowlik.calibration.sketch import (
+    LEVELS,
+    ErrorSketch,
+    bin_centres,
+    level_centres,
+    level_edges,
+    magnitude_centres,
+    merge_all,
+    x_edges,
+)
 from flowlik.camera import Array
 from flowlik.evaluation.goodness import (
     CONFIDENCES,
@@ -16,6 +26,7 @@ from flowlik.evaluation.goodness import (
     block_interval,
     coverage,
     kolmogorov_smirnov,
+    level_bound,
     negative_log_likelihood,
     nll_interval,
     outside_range,
@@ -25,8 +36,11 @@ from flowlik.likelihood import FlowLikelihood
 from flowlik.records import Record, protocol
 from flowlik.tables import magnitude_nodes
 
-SHOWN_LEVELS = ((0.3, 1.0), (3.0, 10.0), (30.0, 100.0), (300.0, 1000.0))
+SHOWN_LEVELS = tuple((10 ** (decade - 0.5), 10.0**decade) for decade in range(4))
 OUTSIDE_WARNING = 0.10
+
+Sketched = tuple[ErrorSketch, FlowLikelihood]
+"""A model, and a population of errors over the model's own index."""
 
 
 def goodness_records(
@@ -66,35 +80,9 @@ def goodness_records(
             filled, lambda s: kolmogorov_smirnov(s, likelihood, least_components, least_frames).median, rng
         )
         ks_interval = f"{ks_low:.4f} … {ks_high:.4f}"
-    excluded = ", ".join(f"{count} {reason}" for reason, count in sketch.excluded.items() if count)
-    note = protocol(**keys, frames=sketch.pairs, excluded=excluded or "none")
-    levels = f"≥{least_components} components from ≥{least_frames} frames"
-    counted = (
-        note
-        + "; "
-        + protocol(
-            levels=levels,
-            counted=f"{int(ks.counted.sum())} of {int((ks.counts > 0).sum())}",
-            counted_share=f"{ks.counted_share:.3f}",
-        )
-    )
-    method = method_label(likelihood.method) if likelihood.method else None
-
-    def record(metric: str, value: float, unit: str, note: str) -> Record:
-        return Record(
-            metric,
-            value,
-            unit,
-            dataset,
-            method,
-            likelihood.family.name,
-            likelihood.schedule.name,
-            None,
-            sketch.total,
-            seed,
-            note,
-        )
-
+    record = Recorder(likelihood, dataset, seed, sketch.total)
+    note = protocol(**keys, **what_was_kept(sketch))
+    counted = note + "; " + protocol(**what_was_counted(ks, least_components, least_frames))
     interval = "interval_95"
     return [
         record(
@@ -117,59 +105,100 @@ def goodness_records(
     ]
 
 
+@dataclass(frozen=True)
+class Recorder:
+    """Makes records of one model on one population."""
+
+    likelihood: FlowLikelihood
+    dataset: str
+    seed: int | None
+    count: int
+
+    def __call__(self, metric: str, value: float | None, unit: str, note: str) -> Record:
+        """Record of a metric."""
+        method = self.likelihood.method
+        return Record(
+            metric, value, unit, self.dataset, method_label(method) if method else None,
+            self.likelihood.family.name, self.likelihood.schedule.name, None, self.count, self.seed, note,
+        )  # fmt: skip
+
+
+def what_was_kept(sketch: ErrorSketch) -> dict[str, object]:
+    """Keys of the protocol: image pairs, and what was left out."""
+    excluded = ", ".join(f"{count} {reason}" for reason, count in sketch.excluded.items() if count)
+    return {"frames": sketch.pairs, "excluded": excluded or "none"}
+
+
+def what_was_counted(ks: KolmogorovSmirnov, least_components: int, least_frames: int) -> dict[str, object]:
+    """Keys of the protocol: what a texture level needed to be counted, and how many did."""
+    return {
+        "levels": f"≥{least_components} components from ≥{least_frames} frames",
+        "counted": f"{int(ks.counted.sum())} of {int((ks.counts > 0).sum())}",
+        "counted_share": f"{ks.counted_share:.3f}",
+    }
+
+
 def outside_warning(fraction: float, what: str) -> str | None:
     """Warning that a model does not fit the images, where the share outside its range exceeds 10 %."""
     if fraction <= OUTSIDE_WARNING:
         return None
     return (
-        f"{what}: {100 * fraction:.0f} % of the error components lie outside the texture range the model was "
+        f"{what}: {100 * fraction:.0f} % of the error components lie outside the range the model was "
         "calibrated on; it does not know these images, calibrate on similar ones"
     )
 
 
 def error_over_texture(sketch: ErrorSketch, likelihood: FlowLikelihood) -> dict[str, Array]:
     """Arrays of the paper's Fig. 4: counts over texture and abs(z), with the model's 90 % bound."""
-    centres = bin_centres(sketch.index)
-    counts, edges = sketch.magnitude_counts, magnitude_nodes()
-    # halve the resolution in error and texture: a picture needs no more
-    counts = counts.reshape(len(counts) // 2, 2, -1, 4).sum(axis=(1, 3))
+    filled = sketch.by_level.any(axis=1)
     return {
-        "texture_edges": np.exp(x_edges(sketch.index)[::2]),
-        "error_edges": edges[::4],
-        "counts": counts,
-        "bound_texture": np.exp(centres),
-        "bound_90": likelihood.bound(centres, 0.9),
+        "texture_edges": level_edges(),
+        "error_edges": magnitude_nodes()[::4],
+        # a picture needs no more resolution
+        "counts": sketch.errors.sum(axis=1).reshape(LEVELS, -1, 4).sum(axis=2),
+        "bound_texture": level_centres()[filled],
+        "bound_90": level_bound(sketch, likelihood, 0.9)[filled],
     }
 
 
-def table(sketch: ErrorSketch, likelihood: FlowLikelihood) -> dict[str, Any]:
-    """Arrays of the paper's Fig. 5 (look-up table): parameters at the knots, and where the data is."""
-    return {
-        "knots": np.exp(likelihood.schedule.knots),
+def table(sketch: ErrorSketch, likelihood: FlowLikelihood, resampled: Array | None = None) -> dict[str, Any]:
+    """Arrays of the paper's Fig. 5 (look-up table): parameters at the knots, and where the data is.
+
+    With tables (B, P, M) of `flowlik.calibration.bootstrap` also the central 95 % of these.
+    """
+    index = sketch.index
+    arrays = {
+        # a constant table has its knots far out
+        "knots": np.exp(np.clip(likelihood.schedule.knots, index.low, index.high)),
         "values": likelihood.schedule.values.T,
         "names": np.array([p.name for p in likelihood.family.parameters]),
         "units": np.array([p.unit for p in likelihood.family.parameters]),
-        "texture_edges": np.exp(x_edges(sketch.index)),
-        "counts_per_texture": sketch.counts.sum(axis=(1, 2)),
+        "coordinate": np.array(index.name),
+        "edges": np.exp(x_edges(index)),
+        "counts": sketch.counts.sum(axis=(1, 2)),
     }
+    if resampled is not None:
+        low, high = np.percentile(resampled, [2.5, 97.5], axis=0)
+        arrays |= {"low": low.T, "high": high.T}
+    return arrays
 
 
 def distributions(sketch: ErrorSketch, likelihood: FlowLikelihood) -> dict[str, Array]:
     """Arrays of the paper's Fig. 5: empirical against fitted densities of signed errors at some textures."""
-    edges, centres, x = magnitude_nodes()[::8], magnitude_centres(), bin_centres(sketch.index)
+    edges, centres, texture = magnitude_nodes()[::8], magnitude_centres(), level_centres()
     edges[0] = 0.0  # the first bin holds all errors below it
     middles = 0.5 * (edges[:-1] + edges[1:])
     widths = np.diff(edges)
-    density = likelihood.family.pdf(centres, likelihood.schedule.theta(x)[:, :, None])
+    theta = likelihood.schedule.theta(bin_centres(sketch.index))
+    density = likelihood.family.pdf(centres, theta[:, :, None])
     levels, zs, empirical, fitted = [], [], [], []
     for low, high in SHOWN_LEVELS:
-        inside = (x >= np.log(low)) & (x < np.log(high))
-        counts = sketch.counts[inside].sum(axis=0).reshape(2, -1, 8).sum(axis=2)
+        inside = (texture > low) & (texture < high)
+        counts = sketch.errors[inside].sum(axis=0).reshape(2, -1, 8).sum(axis=2)
         total = counts.sum()
         if total < 1000:
             continue
-        share = sketch.counts[inside].sum(axis=(1, 2)) / total
-        model = (share @ density[inside]).reshape(-1, 8).mean(axis=1)
+        model = (sketch.by_level[inside].sum(axis=0) / total @ density).reshape(-1, 8).mean(axis=1)
         levels.append((low, high))
         zs.append(np.concatenate([-middles[::-1], middles]))
         empirical.append(np.concatenate([counts[0, ::-1] / widths[::-1], counts[1] / widths]) / total)
@@ -183,31 +212,42 @@ def distributions(sketch: ErrorSketch, likelihood: FlowLikelihood) -> dict[str, 
 
 
 def goodness(
-    sketch: ErrorSketch, likelihoods: Mapping[str, FlowLikelihood], least_components: int, least_frames: int
+    models: Mapping[str, Sketched],
+    least_components: int,
+    least_frames: int,
+    floor: KolmogorovSmirnov | None = None,
 ) -> dict[str, Any]:
-    """Arrays of the paper's Fig. 6: K-S of every family over texture."""
-    results = {
-        name: kolmogorov_smirnov(sketch, likelihood, least_components, least_frames)
-        for name, likelihood in likelihoods.items()
-    }
-    first: KolmogorovSmirnov = next(iter(results.values()))
+    """Arrays of the paper's Fig. 6: K-S of every model over texture.
+
+    Parameters
+    ----------
+    models : mapping of str to (ErrorSketch, FlowLikelihood)
+        Models, and one population of errors over each model's own index.
+    least_components, least_frames : int
+        What a level needs to be counted.
+    floor : KolmogorovSmirnov, optional
+        Of `held_out_floor`, drawn beneath.
+    """
+    results = [kolmogorov_smirnov(*pair, least_components, least_frames) for pair in models.values()]
+    first = results[0]
     shown = first.counts > 0
-    return {
+    arrays = {
         "texture": first.texture[shown],
-        "families": np.array(list(results)),
-        "ks": np.array([ks.statistic[shown] for ks in results.values()]),
+        "families": np.array(list(models)),
+        "ks": np.array([ks.statistic[shown] for ks in results]),
         "counted": first.counted[shown],
         "counts": first.counts[shown],
     }
+    if floor is not None:
+        arrays["floor"] = np.where(floor.counted, floor.statistic, np.nan)[shown]
+    return arrays
 
 
-def reliability(sketch: ErrorSketch, likelihoods: Mapping[str, FlowLikelihood]) -> dict[str, Any]:
-    """Arrays of a reliability diagram: nominal against observed coverage."""
+def reliability(models: Mapping[str, Sketched]) -> dict[str, Any]:
+    """Arrays of a reliability diagram: nominal against observed coverage of every model."""
     nominal = np.array([0.1, 0.2, 0.3, 0.4, *CONFIDENCES[:1], 0.6, *CONFIDENCES[1:2], 0.8, *CONFIDENCES[2:]])
     return {
         "nominal": nominal,
-        "names": np.array(list(likelihoods)),
-        "observed": np.array(
-            [[coverage(sketch, m, float(c)) for c in nominal] for m in likelihoods.values()]
-        ),
+        "names": np.array(list(models)),
+        "observed": np.array([[coverage(*pair, float(c)) for c in nominal] for pair in models.values()]),
     }

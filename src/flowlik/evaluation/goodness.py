@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.calibration.sketch import ErrorSketch, bin_centres, level_edges, magnitude_centres
+from flowlik.calibration.sketch import ErrorSketch, bin_centres, level_centres, magnitude_centres
 from flowlik.camera import Array
 from flowlik.likelihood import FlowLikelihood
 from flowlik.tables import magnitude_nodes
@@ -74,10 +74,19 @@ def _model(likelihood: FlowLikelihood) -> tuple[Array, Array]:
     return log_prob, likelihood.family.magnitude_cdf(magnitude_nodes()[1:], theta)
 
 
+def magnitude_cdf(likelihood: FlowLikelihood) -> Array:
+    """Distribution function (X, Z) of abs(z) at the bins' centres of x and upper edges of abs(z)."""
+    return _model(likelihood)[1]
+
+
 def negative_log_likelihood(sketch: ErrorSketch, likelihood: FlowLikelihood) -> float:
     """Mean negative log-likelihood [nat a component] of the sketched errors."""
-    log_prob, _ = _model(likelihood)
-    return float(-np.sum(sketch.magnitude_counts * log_prob) / sketch.total)
+    return float(nll_by_bin(sketch, likelihood).sum() / sketch.total)
+
+
+def nll_by_bin(sketch: ErrorSketch, likelihood: FlowLikelihood) -> Array:
+    """Summed negative log-likelihood (X,) [nat] of the components in each bin of x."""
+    return -np.einsum("xz,xz->x", sketch.magnitude_counts, _model(likelihood)[0])
 
 
 def kolmogorov_smirnov(
@@ -106,9 +115,8 @@ def kolmogorov_smirnov(
         at_plus = share_negative + np.cumsum(positive, axis=1) - 0.5 * (1 + predicted)
     # the outermost bin also holds what lies beyond it
     below, predicted, at_minus, at_plus = (a[:, :-1] for a in (below, predicted, at_minus, at_plus))
-    edges = level_edges()
     return KolmogorovSmirnov(
-        np.sqrt(edges[1:] * edges[:-1]),
+        level_centres(),
         np.abs(below - predicted).max(axis=1),
         np.maximum(np.abs(at_minus).max(axis=1), np.abs(at_plus).max(axis=1)),
         counts,
@@ -116,13 +124,54 @@ def kolmogorov_smirnov(
     )
 
 
+def level_bound(sketch: ErrorSketch, likelihood: FlowLikelihood, confidence: float) -> Array:
+    """Half-width (L,) [px] that the model says holds that share of all errors at each texture level.
+
+    That is of the mixture of the level's distributions; NaN where there are no components.
+    """
+    with np.errstate(invalid="ignore"):
+        shares = sketch.by_level / sketch.by_level.sum(axis=1, keepdims=True)
+    ln_edges = np.log(magnitude_nodes()[1:])
+    return np.exp([np.interp(confidence, row, ln_edges) for row in shares @ magnitude_cdf(likelihood)])
+
+
+def held_out_floor(
+    first: ErrorSketch, second: ErrorSketch, least_components: int = 100_000, least_frames: int = 30
+) -> KolmogorovSmirnov:
+    """K-S distance between two populations' empirical distributions at the same texture levels.
+
+    A model calibrated on the one can do no better on the other than this by much: it is the floor of what
+    its K-S can mean. A level counts where it counts in both; ``counts`` are the smaller ones.
+    """
+    counts = np.stack([s.errors.sum(axis=(1, 2)) for s in (first, second)])
+    with np.errstate(invalid="ignore"):
+        shares = [s.errors / n[:, None, None] for s, n in zip((first, second), counts)]
+        magnitudes, signed = (
+            np.cumsum(shape(shares[0]) - shape(shares[1]), axis=1)
+            for shape in (lambda e: e.sum(axis=1), lambda e: np.concatenate([e[:, 0, ::-1], e[:, 1]], axis=1))
+        )
+    frames = np.minimum(first.frames, second.frames)
+    least = counts.min(axis=0)
+    return KolmogorovSmirnov(
+        level_centres(),
+        np.abs(magnitudes).max(axis=1),
+        np.abs(signed).max(axis=1),
+        least,
+        (least >= least_components) & (frames >= least_frames),
+    )
+
+
 def coverage(sketch: ErrorSketch, likelihood: FlowLikelihood, confidence: float) -> float:
     """Share of components within the model's own central region of that confidence."""
+    return float(inside_by_bin(sketch, likelihood, confidence).sum() / sketch.total)
+
+
+def inside_by_bin(sketch: ErrorSketch, likelihood: FlowLikelihood, confidence: float) -> Array:
+    """Components (X,) of each bin of x within the model's central region of that confidence."""
     bounds = likelihood.bound(bin_centres(sketch.index), confidence)
     edges = magnitude_nodes()
     cumulated = np.cumsum(sketch.magnitude_counts, axis=1)
-    inside = sum(np.interp(b, edges, np.concatenate([[0], row])) for b, row in zip(bounds, cumulated))
-    return float(inside / sketch.total)
+    return np.array([np.interp(b, edges, np.concatenate([[0], row])) for b, row in zip(bounds, cumulated)])
 
 
 def outside_range(sketch: ErrorSketch, likelihood: FlowLikelihood) -> float:

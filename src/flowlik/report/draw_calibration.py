@@ -57,21 +57,26 @@ def draw_error_over_texture(data: Data) -> Figure:
     return figure
 
 
+COORDINATES = {"texture": TEXTURE_LABEL, "flow": "length of the flow vector  [px]"}
+INDEX_LABEL = r"predicted error scale $e^x$  [px]"
 _SYMBOLS = {"beta": r"$\beta$", "gamma": r"$\gamma$", "lambda": r"$\lambda$", "w_L": "$w_L$", "w_l": "$w_L$"}
 
 
 def draw_table(data: Data) -> Figure:
-    """Draw the family's parameters over texture, one panel a parameter."""
+    """Draw the family's parameters over the schedule's coordinate, one panel a parameter."""
     knots, values, names, units = data["knots"], data["values"], data["names"], data["units"]
     P = len(names)
+    coordinate = COORDINATES.get(str(data.get("coordinate", "texture")), INDEX_LABEL)
     columns = min(P, 3)
     rows = -(-P // columns)
     figure = Figure(figsize=(WIDTH, 3.2 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, sharex=True).ravel()
     for k, (name, unit) in enumerate(zip(names, units)):
         ax, value = axes[k], values[:, k]
-        if "counts_per_texture" in data:
-            _draw_population(ax, data["texture_edges"], data["counts_per_texture"])
+        if "counts" in data:
+            _draw_population(ax, data["edges"], data["counts"])
+        if "low" in data:
+            ax.fill_between(knots, data["low"][:, k], data["high"][:, k], color=BLUE, alpha=0.25, lw=0)
         ax.plot(knots, value, color=BLUE, marker="o", ms=4.5, mec="white", mew=0.7)
         positive = bool((value > 0).all())
         ax.set(xscale="log", yscale="log" if positive and value.max() > 30 * value.min() else "linear")
@@ -80,7 +85,7 @@ def draw_table(data: Data) -> Figure:
         ax.set(title=symbol, ylabel=f"{symbol}  [{unit if unit not in ('', '1') else 'no unit'}]")
         ax.set_xlim(knots.min() / 1.6, knots.max() * 1.6)
     for ax in axes[max(P - columns, 0) : P]:
-        ax.set_xlabel(TEXTURE_LABEL)
+        ax.set_xlabel(coordinate)
         ax.tick_params(labelbottom=True)
     for ax in axes[P:]:
         ax.set_visible(False)
@@ -88,7 +93,7 @@ def draw_table(data: Data) -> Figure:
 
 
 def _draw_population(ax: Axes, edges: Array, counts: Array) -> None:
-    """Shade how many components each texture has, as a share of the panel's height."""
+    """Shade how many components each coordinate has, as a share of the panel's height."""
     height = np.append(counts, counts[-1]) / max(float(counts.max(initial=0)), 1.0)
     ax.fill_between(edges, height, step="post", color="#eceff3", lw=0, transform=ax.get_xaxis_transform())
 
@@ -152,11 +157,17 @@ def draw_goodness(data: Data) -> Figure:
         solid = np.where(shown, ks, np.nan)
         label = f"{look.label}: {median}"
         ax.plot(
-            texture, solid, color=look.colour, marker=look.marker, ms=5, mec="white", mew=0.6, label=label
-        )
+            texture, solid, look.dash, color=look.colour, marker=look.marker, ms=5, mec="white", mew=0.6,
+            label=label,
+        )  # fmt: skip
+    if "floor" in data and np.isfinite(data["floor"]).any():
+        median = f"median {np.nanmedian(data['floor']):.3f}"
+        label = f"between two samples: {median}"
+        ax.fill_between(texture, 0, np.nan_to_num(data["floor"]), color=PALE, lw=0, label=label, zorder=0)
     ax.set(xscale="log", ylabel="K-S distance of |z|")
-    ax.set_ylim(0, 1.18 * np.nanmax(data["ks"], initial=0.05))
-    ax.legend(loc="upper right", ncols=len(data["families"]))
+    entries = len(data["families"]) + ("floor" in data)
+    ax.set_ylim(0, (1.1 + 0.08 * -(-entries // 3)) * np.nanmax(data["ks"], initial=0.05))
+    ax.legend(loc="upper right", ncols=min(entries, 3))
     ratio = np.exp(np.median(np.diff(np.log(texture)))) if len(texture) > 1 else 1.5
     width = texture * (np.sqrt(ratio) - 1 / np.sqrt(ratio)) * 0.9
     strip.bar(texture, data["counts"], width=width, color=np.where(counted, "#aeb6c2", "#e3e6eb"))
@@ -179,6 +190,7 @@ def draw_coverage(data: Data) -> Figure:
             "ms": 5,
             "mec": "white",
             "mew": 0.6,
+            "ls": look.dash,
             "clip_on": False,
         }
         left.plot(nominal, observed, label=look.label, **style)
@@ -189,5 +201,5 @@ def draw_coverage(data: Data) -> Figure:
     left.set_title("share of errors inside the interval", fontsize=9.5)
     right.set(xlabel="promised", ylabel="observed − promised  [percentage points]")
     right.set_title("the difference: above 0 too cautious, below too bold", fontsize=9.5)
-    left.legend(loc="upper left")
+    left.legend(loc="lower right")
     return figure

@@ -18,6 +18,13 @@ from flowlik.report.draw_calibration import (
     draw_goodness,
     draw_table,
 )
+from flowlik.report.draw_evidence import (
+    draw_bias,
+    draw_eigenbasis,
+    draw_levels,
+    draw_pit,
+    draw_sparsification,
+)
 from flowlik.report.draw_flow import draw_sequence
 from flowlik.report.draw_motion import draw_frame_errors, draw_trajectories
 from flowlik.report.draw_uncertainty import draw_uncertainty
@@ -81,11 +88,13 @@ FIGURES: dict[str, FigureKind] = {
     "table": FigureKind(
         draw_table,
         "The learned look-up table",
-        "The parameters of the error distribution at every texture: fitted at the knots (dots), "
-        "interpolated between them. Where grey shading is drawn, it shows how many components were "
-        "seen at each texture; knots with none beneath them rest on their neighbours.",
+        "The parameters of the error distribution over the coordinate of its schedule (in the paper the "
+        "texture; else the size of error that several signs together predict): fitted at the knots "
+        "(dots), interpolated between them. Where grey shading is drawn, it shows how many components "
+        "were seen at each coordinate; knots with none beneath them rest on their neighbours. Where a "
+        "band is drawn, 95 % of tables fitted to other choices of the same frames lie within it.",
         {"knots": "M", "values": "M P", "names": "P", "units": "P"},
-        {"texture_edges": "T+1", "counts_per_texture": "T"},
+        {"edges": "T+1", "counts": "T", "low": "M P", "high": "M P", "coordinate": ""},
     ),
     "distributions": FigureKind(
         draw_distributions,
@@ -101,9 +110,11 @@ FIGURES: dict[str, FigureKind] = {
         "Goodness of fit over texture",
         "The Kolmogorov–Smirnov distance is the largest gap between the measured and the modelled "
         "cumulative distribution of |z|: 0 is a perfect fit, lower is better. Pale, hollow levels "
-        "hold too few components to count; the medians are over the others. The strip below shows how"
-        " many components there are.",
+        "hold too few components to count; the medians are over the others. Where grey shading is "
+        "drawn, it is the distance between the errors of two different sets of images of the same kind: "
+        "no model can be expected to do better. The strip below shows how many components there are.",
         {"texture": "X", "families": "F", "ks": "F X", "counted": "X", "counts": "X"},
+        {"floor": "X"},
     ),
     "coverage": FigureKind(
         draw_coverage,
@@ -111,6 +122,77 @@ FIGURES: dict[str, FigureKind] = {
         "Of the intervals said to hold, for example, 90 % of errors, how many really do? On the "
         "dashed line the model is honest; below it, too bold; above it, too cautious.",
         {"nominal": "C", "names": "F", "observed": "F C"},
+    ),
+    "levels": FigureKind(
+        draw_levels,
+        "Coverage and log score over texture",
+        "Top: of the intervals said to hold {confidence:.0%} of errors, the share that does, at each "
+        "texture. Within the grey band it is off by five percentage points at most; below it the model is "
+        "too bold there, above too cautious. Bottom: the negative log-likelihood, lower is better; only "
+        "models of the same flow and images can be compared. Hollow levels hold too few components to "
+        "count.",
+        {
+            "texture": "X",
+            "names": "F",
+            "coverage": "F X",
+            "nll": "F X",
+            "counted": "F X",
+            "confidence": "",
+        },
+    ),
+    "pit": FigureKind(
+        draw_pit,
+        "Where errors fall in their own distribution",
+        "Each error is placed by the share of errors that the model said would be smaller (more negative): "
+        "0.5 is the middle, 0 and 1 are the far tails. For an honest model every twentieth is as full as "
+        "any other, and the line lies at 1. A hump in the middle: errors are smaller than said. A dip: "
+        "larger. High ends: more outliers than said. More on the left than on the right: the flow falls "
+        "short more often than it overshoots. What is far too full leaves the figure at the top.",
+        {"edges": "B+1", "names": "F", "density": "F B"},
+    ),
+    "sparsification": FigureKind(
+        draw_sparsification,
+        "Does the model know which errors are large?",
+        "Components are removed, those of largest predicted spread first, and the error of what stays is "
+        "divided by the error of all. A curve that falls fast means that the model knows where the flow is "
+        "bad; the grey line removes by the true error, which nothing can beat, since even a true "
+        "distribution does not tell which draw is large; removal at random would stay at 1. AUSE is the "
+        "area between a curve and the grey line.",
+        {
+            "removed": "G",
+            "names": "F",
+            "statistics": "K",
+            "curves": "F K G",
+            "oracle": "F K G",
+            "ause": "F K",
+        },
+    ),
+    "bias": FigureKind(
+        draw_bias,
+        "Does the flow fall short?",
+        "Errors along the measured flow, at each texture. Left: the share that is negative, where the "
+        "measured flow is shorter than the true one; without bias it is half. Right: median and mean of "
+        "the signed error beside the typical size of an error (grey); the scale is linear near 0 and "
+        "logarithmic beyond. The mean follows a few gross errors, which make the measured flow too long more "
+        "often than too short; the median does not. Pale dots hold less than a thousandth of the components.",
+        {
+            "texture": "X",
+            "negative": "X",
+            "median": "X",
+            "mean": "X",
+            "median_magnitude": "X",
+            "counts": "X",
+        },
+    ),
+    "eigenbasis": FigureKind(
+        draw_eigenbasis,
+        "Where both directions have the same texture",
+        "At the right end the two eigenvalues are alike, and the directions e₁ and e₂ of the error are "
+        "arbitrary, though the model takes them as certain. If that cost much, its misfit would rise to "
+        "the right. Left: what pooling changes in the negative log-likelihood, below 0 is a gain; pooling "
+        "gives both components the same distribution as t₂/t₁ goes to 1. Right: the Kolmogorov–Smirnov "
+        "distance, 0 is a perfect fit. Shaded: how many components there are.",
+        {"ratio_edges": "R+1", "counts": "R", "names": "N", "nll": "N R", "ks": "N R"},
     ),
     "trajectories": FigureKind(
         draw_trajectories,

@@ -8,7 +8,7 @@ import re
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import matplotlib as mpl
@@ -25,7 +25,8 @@ WIDTH = 10.0  # inches: 1600 px
 
 INK, GREY, PALE = "#1b1f24", "#6b7280", "#d5d9e0"
 BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#AA4499"
-SPARE = ("#E69F00", "#56B4E9", "#882255", "#999933", "#44AA99", "#332288")
+SKY, OCHRE, WINE = "#56B4E9", "#E69F00", "#882255"
+SPARE = ("#44AA99", "#999933", "#332288", "#CC6677", "#117733", "#DDCC77")
 
 TEXTURE_LABEL = "texture $t$  [intensity²/px²]"
 
@@ -56,6 +57,7 @@ RC: dict[Any, Any] = {
     "legend.frameon": True,
     "legend.framealpha": 0.9,
     "legend.edgecolor": "none",
+    "legend.handlelength": 3.0,
     "lines.linewidth": 1.8,
     "lines.solid_capstyle": "round",
     "figure.facecolor": "white",
@@ -79,11 +81,14 @@ class Look:
         Its colour, safe for colour-blind readers.
     marker : str
         Its marker, so that colour is never the only difference.
+    dash : str
+        Its line style, which tells a family's schedule.
     """
 
     label: str
     colour: str
     marker: str
+    dash: str = "-"
 
 
 # The Gaussian and RANSAC share a colour, as do LCM and LCMSAC: each estimator is its family at work.
@@ -92,6 +97,9 @@ LOOKS = {
     "laplacecauchy": Look("LCM", BLUE, "o"),
     "loglogistic": Look("log-logistic", GREEN, "s"),
     "gaussian": Look("Gaussian", VERMILION, "^"),
+    "laplace": Look("Laplace", SKY, "v"),
+    "studentt": Look("Student-t", OCHRE, "P"),
+    "glc": Look("GLC", WINE, "D"),
     "ransac": Look("RANSAC", VERMILION, "^"),
     "lcmsac": Look("LCMSAC", BLUE, "o"),
     "mle": Look("MLE", PURPLE, "D"),
@@ -99,9 +107,19 @@ LOOKS = {
 }
 
 
+DASHES = {"index": "-", "texture": "--", "flow": ":", "constant": "-."}
+
+
 def known_look(name: str) -> Look | None:
-    """Look of a family or estimator that has one of its own, however its name is spelled."""
-    return LOOKS.get(re.sub(r"[^a-z0-9]", "", name.lower()))
+    """Look of a family or estimator that has one of its own, however its name is spelled.
+
+    A family may be followed by its schedule, as in ``"lcm · index"``.
+    """
+    family, _, schedule = name.partition(" · ")
+    look = LOOKS.get(re.sub(r"[^a-z0-9]", "", family.lower()))
+    if look is None or not schedule:
+        return look
+    return replace(look, label=f"{look.label} · {schedule}", dash=DASHES.get(schedule, "-"))
 
 
 def looks(names: Iterable[str]) -> list[Look]:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from flowlik.records import Record
+from flowlik.report.metric_names import METRICS
 from flowlik.report.style import known_look
 
 KEYS = ("dataset", "flow", "family", "schedule", "estimator", "seed")
@@ -16,6 +17,9 @@ GROUPS: tuple[tuple[str, tuple[str, ...]], ...] = (
         "How well the error model fits",
         ("nll", "ks_", "coverage_", "pit", "log_score", "outside", "components_"),
     ),
+    ("Whether the model knows which errors are large", ("ause", "rank_correlation")),
+    ("Bias of the flow itself", ("negative_share", "signed_")),
+    ("Textures alike in both directions", ("ks_textures", "nll_gain_of_pooling")),
     (
         "Ego-motion and drift",
         ("drift", "t_err", "r_err", "rpe", "trans", "rot", "unsolved", "error", "ratio"),
@@ -25,32 +29,6 @@ GROUPS: tuple[tuple[str, tuple[str, ...]], ...] = (
 )
 OTHER = "Other results"
 
-# metric: what it is called, and what it means in a few words
-METRICS: dict[str, tuple[str, str]] = {
-    "drift_percent": ("Drift", "final position error, share of the path's length"),
-    "t_err_percent": ("Translation drift", "over 100 m to 800 m, as KITTI measures it"),
-    "r_err_deg_per_100m": ("Rotation drift", "over 100 m to 800 m, as KITTI measures it"),
-    "rpe_trans_median_m": ("Median translation error", "of one frame's motion"),
-    "rpe_rot_median_deg": ("Median rotation error", "of one frame's motion"),
-    "ks_median": (
-        "Misfit (K‑S median)",
-        "largest gap between measured and modelled distribution; 0 is perfect",
-    ),
-    "ks_max": ("Worst misfit (K‑S)", "at the texture level that fits least"),
-    "coverage_90": ("Coverage of 90 %", "share of errors inside the model's own 90 % interval"),
-    "nll": ("Negative log-likelihood", "lower is better"),
-    "ks_signed_median": ("Misfit of signed errors (K‑S median)", "also notices a bias"),
-    "unsolved_fraction": ("Unsolved frames", "share of frames without a motion"),
-    "outside_fraction": (
-        "Share outside the calibrated range",
-        "of error components; above 10 % is a warning",
-    ),
-    "t_err_offset_removed_percent": (
-        "Translation drift, constant direction offset removed",
-        "a diagnosis of the calibration, not a result",
-    ),
-    "rpe_trans_ratio_to_ransac": ("Translation error over RANSAC's", "median of a frame; below 1 is better"),
-}
 _WORDS = {
     "ks": "K‑S",
     "nll": "NLL",
