@@ -20,6 +20,7 @@ from tests.cli.conftest import METHODS, image_of
 
 GOODNESS = ["nll", "ks_median", "ks_max", "ks_signed_median", "ks_weighted_mean"]
 GOODNESS += [f"coverage_{level}" for level in (50, 68, 90, 95, 99)] + ["outside_fraction"]
+COSTS = ["pairs_per_second", "components_per_second", "peak_memory_mb"]
 MOTION = ["drift_percent", "t_err_percent", "r_err_deg_per_100m", "t_err_offset_removed_percent"]
 MOTION += ["rpe_trans_median_m", "rpe_rot_median_deg", "frames_per_second", "unsolved_fraction"]
 MOTION += ["outside_fraction"]
@@ -88,7 +89,7 @@ def test_a_calibration_leaves_a_model_and_its_evidence(calibrations, models, met
 
 def test_evaluation(flight, models, tmp_path):
     outcome = succeed("evaluate", models["lucas-kanade"], flight, "--out", tmp_path / "run", "--json")
-    assert metrics(outcome.out) == GOODNESS
+    assert metrics(outcome.out) == COSTS + GOODNESS
     assert outcome.err == [f"report: {tmp_path / 'run' / 'report.html'}"]
     check_run(tmp_path / "run", "evaluate")
 
