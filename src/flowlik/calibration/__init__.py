@@ -1,5 +1,6 @@
 """Calibration: errors against truth, their sketch, and the fit of a look-up table."""
 
+from flowlik.calibration.correlation import measure_correlation
 from flowlik.calibration.fit import SMOOTHING_NAT, bootstrap, choose_smoothing, fit, place_knots
 from flowlik.calibration.learn import Rows, learn_index
 from flowlik.calibration.run import (
@@ -40,6 +41,7 @@ __all__ = [
     "gather",
     "index_form",
     "learn_index",
+    "measure_correlation",
     "merge_all",
     "pair_errors",
     "place_knots",

@@ -10,6 +10,7 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.camera import Array
 from flowlik.egomotion import _kernels
+from flowlik.egomotion.covariance import sandwich, score_covariance
 from flowlik.egomotion.residual import Residual
 from flowlik.egomotion.result import EgoMotion, Status, unsolved
 from flowlik.likelihood import FlowLikelihood
@@ -106,8 +107,8 @@ class Estimator:
         inliers = self._inliers(residual, T, used)
         _, J = residual.linearise(T)
         x = residual.coordinates(T, self.likelihood.schedule.index)
-        final = used if self.refine_all else inliers
-        information = J[final].T @ (self.likelihood.fisher(x[final])[:, None] * J[final])
+        fisher = self._fisher(x, used, inliers)
+        information = J.T @ (fisher[:, None] * J)
         status, reason = _conditioned(residual.basis(T), information)
         explained = residual.rotation_share(T, self._bound, self.likelihood.schedule.index)
         if explained > NO_PARALLAX_SHARE * inliers.sum() / used.sum():
@@ -120,6 +121,7 @@ class Estimator:
         return EgoMotion(
             T_k_prev=_transform(residual.normalise(T)),
             information=information,
+            covariance=self._covariance(residual, T, J, fisher, information, status),
             status=status,
             reason=reason,
             scale_known=residual.metric,
@@ -148,6 +150,29 @@ class Estimator:
             return used & (np.abs(z) <= widened * self._bound(x))
         length = np.linalg.norm(np.where(used, z, 0.0).reshape(len(residual), -1), axis=1)
         return used & np.repeat(length <= widened * self.radius_px, residual.components_per_vector)
+
+    def _fisher(self, x: Array, used: NDArray[np.bool_], inliers: NDArray[np.bool_]) -> Array:
+        """Information (C,) that each component adds, 0 for those that do not enter.
+
+        The inliers of a cut likelihood move with the motion, so that every component counts with the
+        information of a score cut off at its bound; RANSAC's count as least squares has them.
+        """
+        if self.radius_px is not None:
+            return np.where(inliers, self.likelihood.fisher(x), 0.0)
+        cut = None if self.refine_all else self.confidence
+        return np.where(used, self.likelihood.fisher(x, cut), 0.0)
+
+    def _covariance(
+        self, residual: Residual, T: Array, J: Array, fisher: Array, information: Array, status: Status
+    ) -> Array:
+        """Sandwich with the likelihood's correlation of scores; without one the inverse information."""
+        if status is Status.DEGENERATE:
+            return np.full((6, 6), np.nan)
+        correlation, B = self.likelihood.correlation, information
+        if correlation is not None:
+            m, directions = residual.measurements, residual.directions(T)
+            B = score_covariance(m, directions, J, fisher, correlation)
+        return sandwich(information, B, residual.basis(T))
 
     def _count(self, residual: Residual, inliers: NDArray[np.bool_]) -> int:
         """Number of inliers in the estimator's own unit."""
