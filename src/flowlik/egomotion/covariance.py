@@ -29,6 +29,19 @@ def sandwich(information: Array, variability: Array, basis: Array) -> Array:
     return inverse @ variability @ inverse
 
 
+def temperature(information: Array, variability: Array) -> float:
+    """Power in (0, 1] of a product of likelihoods at which it is worth what it knows, against a prior.
+
+    ``D / tr(A^-1 B)``: the magnitude adjustment of composite likelihoods (Pauli, Racugno and Ventura 2011).
+    Directions that the measurements say nothing about are left out.
+    """
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    inverse = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-9, hermitian=True)
+    spread = float(np.trace(inverse @ (variability / np.outer(scale, scale))))
+    rank = float(np.linalg.matrix_rank(inverse, hermitian=True))
+    return min(rank / spread, 1.0) if spread > 0 else 1.0
+
+
 def score_covariance(
     m: Measurements, directions: Array, J: Array, fisher: Array, correlation: ScoreCorrelation
 ) -> Array:

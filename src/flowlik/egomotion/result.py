@@ -32,7 +32,7 @@ class EgoMotion:
     information : array (6, 6)
         Fisher information along the tangent (rotation vector [rad], translation [m]) of the left
         perturbation in {c} of image k, with components taken as independent: that of the plain product.
-        Rank 5 for the epipolar residual, whose translation has no scale.
+        Rank 5 for the epipolar residual, whose translation has no scale. With a prior, of the posterior.
     covariance : array (6, 6)
         Covariance of the error along the same tangent. Where the likelihood knows the correlation of
         scores it is the sandwich A^-1 B A^-1 (docs/theory-covariance.md), else the inverse of
