@@ -278,11 +278,8 @@ class Estimator:
         T: Array,
         chosen: NDArray[np.bool_],
         steps: int = STEPS,
-<<<<<<< HEAD
         widened: float = 1.0,
-=======
         prior: Tempered | None = None,
->>>>>>> da85997 (log_prob of a motion, a Gaussian prior that makes the estimate maximum a posteriori, two examples)
     ) -> tuple[Array, float]:
         """Fisher scoring over chosen components; their coordinates x are held meanwhile.
 
