@@ -141,7 +141,8 @@ def test_an_ambiguous_motion_is_repeated_without_information():
 
         def estimate(self, residual, seed, start=None):
             status = next(self.found)
-            return EgoMotion(MOTIONS[0 if status is Status.SOLVED else 2], np.eye(6), status, "doubt")
+            motion = MOTIONS[0 if status is Status.SOLVED else 2]
+            return EgoMotion(motion, np.eye(6), np.eye(6), status, "doubt")
 
     odometry = Odometry(CAMERA, ExactFlow(), Doubtful())
     _, solved, doubtful = [odometry.step(frame(k), k, DEPTH) for k in range(3)]

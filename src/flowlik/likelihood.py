@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from flowlik import tables
 from flowlik.camera import Array
+from flowlik.correlation import ScoreCorrelation
 from flowlik.errors import ModelError
 from flowlik.families import ErrorFamily, Gaussian
 from flowlik.measurements import Measurements
@@ -39,6 +40,8 @@ class FlowLikelihood:
         Flow method's name and parameters; None for a likelihood of any flow, as RANSAC's.
     provenance, goodness : dict
         Where the table comes from, and figures of how well it fits.
+    correlation : ScoreCorrelation or None
+        How scores of neighbouring vectors go together; None where it was not measured.
 
     Raises
     ------
@@ -52,6 +55,7 @@ class FlowLikelihood:
     method: dict[str, Any] | None = None
     provenance: dict[str, Any] = field(default_factory=dict)
     goodness: dict[str, Any] = field(default_factory=dict)
+    correlation: ScoreCorrelation | None = None
 
     def __post_init__(self) -> None:
         check_values(self.family, self.schedule)
@@ -117,9 +121,15 @@ class FlowLikelihood:
             self._bounds[confidence] = self.family.magnitude_ppf(confidence, theta)
         return self._interpolate(x, self._bounds[confidence])
 
-    def fisher(self, x: Array | float) -> Array:
-        """Fisher information [1/px^2] of one component at x, ``E[(d ln p / dz)^2]`` by quadrature."""
-        return self._interpolate(x, self._fisher)
+    def fisher(self, x: Array | float, confidence: float | None = None) -> Array:
+        """Fisher information [1/px^2] of one component at x, ``E[(d ln p / dz)^2]`` by quadrature.
+
+        With a confidence it is ``E[(d ln p / dz)^2; abs(z) <= bound]``: both the sensitivity and the
+        variance of a score that is cut off at its bound.
+        """
+        if confidence not in self._informations:
+            self._informations[confidence] = self._information(confidence)
+        return self._interpolate(x, self._informations[confidence])
 
     def _interpolate(self, x: Array | float, values: Array) -> Array:
         """Values at x, given at the nodes."""
@@ -141,9 +151,15 @@ class FlowLikelihood:
         return {}
 
     @cached_property
-    def _fisher(self) -> Array:
+    def _informations(self) -> dict[float | None, Array]:
+        return {}
+
+    def _information(self, confidence: float | None) -> Array:
         # substitution z = e^s; the interval below 1e-6 px carries nothing
         s = np.linspace(np.log(1e-6), np.log(1e5), 1500)
-        z, theta = np.exp(s)[:, None], self.schedule.theta(self._nodes)[:, None, :]
+        if confidence is not None:
+            last = np.log(self.bound(self._nodes, confidence))
+            s = s[0] + (np.minimum(last, s[-1]) - s[0]) * np.linspace(0, 1, 1500)[:, None]
+        z, theta = np.exp(s).reshape(1500, -1), self.schedule.theta(self._nodes)[:, None, :]
         integrand = self.family.gradient(z, theta)[0] ** 2 * self.family.pdf(z, theta) * z
-        return np.asarray(2 * np.trapezoid(integrand, s, axis=0), dtype=np.float64)
+        return np.asarray(2 * np.trapezoid(integrand, s.reshape(1500, -1), axis=0), dtype=np.float64)

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from flowlik.correlation import ScoreCorrelation
 from flowlik.errors import FlowlikError, ModelError
 from flowlik.families import error_family
 from flowlik.files import atomic_write
@@ -51,7 +52,8 @@ class ModelFile(_Strict):
 
     ``index`` says how covariates give x (ln of texture for the paper's schedule), ``knots`` are of x;
     ``table`` maps each parameter of the family to its values at the knots, linear
-    between; ``score_correlation`` is the correlation of scores over pixel distance, when it is known.
+    between; ``score_correlation`` is the correlation of scores over pixel distance, when it was
+    measured (`flowlik.correlation`).
     """
 
     schema_version: Literal[2] = 2
@@ -87,6 +89,7 @@ def save_likelihood(likelihood: FlowLikelihood, path: Path | str) -> None:
         flow=likelihood.method,
         provenance=likelihood.provenance,
         goodness=likelihood.goodness,
+        score_correlation=likelihood.correlation.values() if likelihood.correlation else None,
     )
     with atomic_write(Path(path)) as file:
         file.write(content.model_dump_json(indent=1) + "\n")
@@ -138,6 +141,7 @@ def load_likelihood(path: Path | str) -> FlowLikelihood:
             check_record(content.flow),
             content.provenance,
             content.goodness,
+            ScoreCorrelation.of_values(content.score_correlation) if content.score_correlation else None,
         )
     except OSError as error:
         raise ModelError(f"{path}: cannot read the model file ({error.strerror or error})") from None

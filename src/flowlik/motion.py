@@ -32,6 +32,30 @@ def adjoint(T: RigidTransform) -> Array:
     return adjoint
 
 
+def small_adjoint(xi: Array) -> Array:
+    """Matrix (6, 6) of the Lie bracket with a tangent vector (6,)."""
+    ad = np.zeros((6, 6))
+    ad[:3, :3] = ad[3:, 3:] = skew(xi[:3])
+    ad[3:, :3] = skew(xi[3:])
+    return ad
+
+
+def inverse_left_jacobian(xi: Array) -> Array:
+    """Derivative (6, 6) of ``log(exp(delta) exp(xi))`` by delta at 0; to the fourth order of xi (6,)."""
+    ad = small_adjoint(xi)
+    square = ad @ ad
+    return np.eye(6) - ad / 2 + square / 12 - square @ square / 720
+
+
+def right_covariance(T: RigidTransform, covariance: Array) -> Array:
+    """Covariance (6, 6) of the right perturbation ``T exp(eta)`` from that of the left one, ``exp(xi) T``.
+
+    GTSAM perturbs on the right. The *inverse* needs no conversion: ``(exp(xi) T)^-1 = T^-1 exp(-xi)``.
+    """
+    turn = adjoint(T.inv())
+    return turn @ covariance @ turn.T
+
+
 def skew(v: Array) -> Array:
     """Matrices (..., 3, 3) with ``skew(v) @ w = v x w``."""
     v = np.asarray(v, dtype=np.float64)

@@ -1,6 +1,7 @@
 """Calibration: errors against truth, their sketch, and the fit of a look-up table."""
 
 from flowlik.calibration.cache import SketchCache
+from flowlik.calibration.correlation import measure_correlation
 from flowlik.calibration.executors import executor
 from flowlik.calibration.fit import SMOOTHING_NAT, bootstrap, choose_smoothing, fit, place_knots
 from flowlik.calibration.learn import Rows, learn_index
@@ -44,6 +45,7 @@ __all__ = [
     "gather",
     "index_form",
     "learn_index",
+    "measure_correlation",
     "merge_all",
     "pair_errors",
     "place_knots",

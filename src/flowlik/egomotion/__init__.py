@@ -3,6 +3,7 @@
 from flowlik.egomotion.epipolar import Epipolar
 from flowlik.egomotion.estimator import Estimator, lcmsac, mle, ransac
 from flowlik.egomotion.known_depth import KnownDepth
+from flowlik.egomotion.posterior import GaussianPrior, LogProb, log_prob
 from flowlik.egomotion.residual import Residual
 from flowlik.egomotion.result import EgoMotion, Status
 
@@ -10,10 +11,13 @@ __all__ = [
     "EgoMotion",
     "Epipolar",
     "Estimator",
+    "GaussianPrior",
     "KnownDepth",
+    "LogProb",
     "Residual",
     "Status",
     "lcmsac",
+    "log_prob",
     "mle",
     "ransac",
 ]

@@ -67,6 +67,11 @@ class Epipolar:
         """Coordinates x (N,) along the normals of the epipolar lines."""
         return index.along(self.measurements, self.linearise_with_normal(T)[1])
 
+    def directions(self, T: Array) -> Array:
+        """Normals (N, 2) of the epipolar lines."""
+        _, normal, _ = _kernels.linearise_epipolar(T, *self._rays, self._focal)
+        return normal
+
     def basis(self, T: Array) -> Array:
         """Rotation, and translation orthogonal to its direction: (6, 5)."""
         t = T[:, 3] / np.linalg.norm(T[:, 3])

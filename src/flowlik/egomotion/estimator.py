@@ -10,8 +10,11 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.camera import Array
 from flowlik.egomotion import _kernels
+from flowlik.egomotion.covariance import sandwich, score_covariance, temperature
+from flowlik.egomotion.posterior import LOST_NAT, GaussianPrior, Tempered
 from flowlik.egomotion.residual import Residual
 from flowlik.egomotion.result import EgoMotion, Status, unsolved
+from flowlik.errors import DataError
 from flowlik.likelihood import FlowLikelihood
 from flowlik.tables import normal_equations
 
@@ -27,8 +30,6 @@ CONVERGED_NAT = 1e-3
 HALVINGS = 3
 WORTH_HALVING_NAT = 0.2
 NO_PARALLAX_SHARE = 0.95
-# a vector that leaves the image's half-space must not make a motion look better
-LOST_NAT = 50.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,11 @@ class Estimator:
     success: float = 0.99
 
     def estimate(
-        self, residual: Residual, seed: int | np.random.Generator = 0, start: RigidTransform | None = None
+        self,
+        residual: Residual,
+        seed: int | np.random.Generator = 0,
+        start: RigidTransform | None = None,
+        prior: GaussianPrior | None = None,
     ) -> EgoMotion:
         """Estimate the motion of a residual.
 
@@ -78,7 +83,10 @@ class Estimator:
             Draws the samples; the same seed gives the same result.
         start : RigidTransform, optional
             A guess, for instance the previous motion: the first hypothesis, and where minimal solutions
-            start; by default no motion.
+            start; by default the prior's mean or no motion.
+        prior : GaussianPrior, optional
+            Belief before the images: the motion is then of maximum posterior probability and so is its
+            covariance. Needs a residual with a metric translation.
 
         Returns
         -------
@@ -89,7 +97,11 @@ class Estimator:
         ------
         ModelError
             If the likelihood belongs to another flow method or texture definition.
+        DataError
+            If a prior is given for a residual whose translation has no scale.
         """
+        if prior is not None and not residual.metric:
+            raise DataError("a prior on the motion needs depth: without it the translation has no scale")
         self.likelihood.check(residual.measurements)
         kept = residual.measurements.t >= (self.gate or 0.0)
         excluded = {**residual.excluded, "texture gate": int(kept.size - kept.sum())}
@@ -97,18 +109,23 @@ class Estimator:
             return unsolved(Status.TOO_FEW, f"{n} flow vectors, {residual.minimal} needed", excluded)
         if residual.still():
             return unsolved(Status.STILL, "the flow is zero", excluded)
+        if start is None and prior is not None:
+            start = prior.mean
         found, ambiguous, drawn = self._consensus(residual, kept, start, np.random.default_rng(seed))
         if found is None:
             return unsolved(Status.DEGENERATE, "no minimal sample has a solution", excluded)
 
         used = residual.kept_components(kept)
         T, log_prob = self._refine(residual, found, used)
+        A, B = self._variability(residual, T, used)
+        if prior is not None:
+            belief = Tempered(prior, temperature(A, B))
+            T, log_prob = self._maximise(residual, T, self._entering(residual, T, used), prior=belief)
+            A, B = belief.posterior(A, B)
         inliers = self._inliers(residual, T, used)
-        _, J = residual.linearise(T)
         x = residual.coordinates(T, self.likelihood.schedule.index)
-        final = used if self.refine_all else inliers
-        information = J[final].T @ (self.likelihood.fisher(x[final])[:, None] * J[final])
-        status, reason = _conditioned(residual.basis(T), information)
+        status, reason = _conditioned(residual.basis(T), A)
+        determined = status is Status.SOLVED
         explained = residual.rotation_share(T, self._bound, self.likelihood.schedule.index)
         if explained > NO_PARALLAX_SHARE * inliers.sum() / used.sum():
             status, reason = (
@@ -119,7 +136,8 @@ class Estimator:
             status, reason = Status.AMBIGUOUS, "two motions have nearly as many points in front of the camera"
         return EgoMotion(
             T_k_prev=_transform(residual.normalise(T)),
-            information=information,
+            information=A,
+            covariance=sandwich(A, B, residual.basis(T)) if determined else np.full((6, 6), np.nan),
             status=status,
             reason=reason,
             scale_known=residual.metric,
@@ -148,6 +166,28 @@ class Estimator:
             return used & (np.abs(z) <= widened * self._bound(x))
         length = np.linalg.norm(np.where(used, z, 0.0).reshape(len(residual), -1), axis=1)
         return used & np.repeat(length <= widened * self.radius_px, residual.components_per_vector)
+
+    def _entering(self, residual: Residual, T: Array, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Components (C,) that the last maximisation is over."""
+        return used if self.refine_all else self._inliers(residual, T, used)
+
+    def _variability(self, residual: Residual, T: Array, used: NDArray[np.bool_]) -> tuple[Array, Array]:
+        """A and B (6, 6) of the sandwich: sensitivity and covariance of the total score at a motion.
+
+        The inliers of a cut likelihood move with the motion, so that every component counts with the
+        information of a score cut off at its bound; RANSAC's inliers count as least squares has them.
+        Without a correlation of scores B is A, the plain product's.
+        """
+        _, J = residual.linearise(T)
+        x = residual.coordinates(T, self.likelihood.schedule.index)
+        cut = None if self.refine_all or self.radius_px is not None else self.confidence
+        counting = used if self.radius_px is None else self._inliers(residual, T, used)
+        fisher = np.where(counting, self.likelihood.fisher(x, cut), 0.0)
+        A = J.T @ (fisher[:, None] * J)
+        if self.likelihood.correlation is None:
+            return A, A
+        directions = residual.directions(T)
+        return A, score_covariance(residual.measurements, directions, J, fisher, self.likelihood.correlation)
 
     def _count(self, residual: Residual, inliers: NDArray[np.bool_]) -> int:
         """Number of inliers in the estimator's own unit."""
@@ -239,6 +279,7 @@ class Estimator:
         chosen: NDArray[np.bool_],
         steps: int = STEPS,
         widened: float = 1.0,
+        prior: Tempered | None = None,
     ) -> tuple[Array, float]:
         """Fisher scoring over chosen components; their coordinates x are held meanwhile.
 
@@ -254,7 +295,8 @@ class Estimator:
                 z, J = z / widened, J / widened
             usable = chosen & np.isfinite(z)
             H, b, log_prob = normal_equations(z, J, rows, fisher, usable, tables.log_prob, tables.weight)
-            return H, b, log_prob - LOST_NAT * (chosen.sum() - usable.sum())
+            log_prob -= LOST_NAT * (chosen.sum() - usable.sum())
+            return (H, b, log_prob) if prior is None else prior.add(_transform(T), H, b, log_prob)
 
         H, b, log_prob = equations(T)
         for _ in range(steps):

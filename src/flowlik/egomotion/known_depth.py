@@ -75,6 +75,10 @@ class KnownDepth:
         """Coordinates x (2N,), the same at every motion."""
         return index.of(self.measurements).ravel()
 
+    def directions(self, T: Array) -> Array:
+        """Eigenvectors (2N, 2), the same at every motion."""
+        return np.swapaxes(self.measurements.R_i_e, 1, 2).reshape(-1, 2)
+
     def basis(self, T: Array) -> Array:
         """All six directions are observable."""
         return np.eye(6)

@@ -52,6 +52,10 @@ class Residual(Protocol):
         """Schedule coordinates x (C,) of the errors at a motion."""
         ...
 
+    def directions(self, T: Array) -> Array:
+        """Unit vectors (C, 2) in {i} along which the errors are, those of one vector side by side."""
+        ...
+
     def basis(self, T: Array) -> Array:
         """Observable directions (6, D) of the tangent at a motion."""
         ...

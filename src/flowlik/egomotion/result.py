@@ -31,8 +31,13 @@ class EgoMotion:
         Takes points in {c} of image k-1 to {c} of image k [m; unit length if ``scale_known`` is false].
     information : array (6, 6)
         Fisher information along the tangent (rotation vector [rad], translation [m]) of the left
-        perturbation in {c} of image k, with components taken as independent. Rank 5 for the epipolar
-        residual, whose translation has no scale.
+        perturbation in {c} of image k, with components taken as independent: that of the plain product.
+        Rank 5 for the epipolar residual, whose translation has no scale. With a prior, of the posterior.
+    covariance : array (6, 6)
+        Covariance of the error along the same tangent. Where the likelihood knows the correlation of
+        scores it is the sandwich A^-1 B A^-1 (docs/theory-covariance.md), else the inverse of
+        `information`, which is too small. Zero along the epipolar residual's unobservable scale; NaN where
+        a direction is not determined.
     status : Status
         SOLVED, or why not.
     reason : str
@@ -59,6 +64,7 @@ class EgoMotion:
 
     T_k_prev: RigidTransform
     information: Array
+    covariance: Array
     status: Status
     reason: str = ""
     scale_known: bool = True
@@ -76,16 +82,8 @@ class EgoMotion:
         """Whether the motion was determined by the images; a standstill is."""
         return self.status in (Status.SOLVED, Status.STILL)
 
-    @property
-    def covariance(self) -> Array:
-        """Inverse information (6, 6) where it is regular, else its pseudo-inverse.
-
-        Neighbouring flow errors are correlated, which the product of likelihoods ignores: this
-        covariance is smaller than the true one.
-        """
-        return np.asarray(np.linalg.pinv(self.information, hermitian=True), dtype=np.float64)
-
 
 def unsolved(status: Status, reason: str, excluded: dict[str, int] | None = None) -> EgoMotion:
-    """Return the identity with no information, and why."""
-    return EgoMotion(RigidTransform.identity(), np.zeros((6, 6)), status, reason, excluded=excluded or {})
+    """Return the identity with no information and no covariance, and why."""
+    zero, unknown = np.zeros((6, 6)), np.full((6, 6), np.nan)
+    return EgoMotion(RigidTransform.identity(), zero, unknown, status, reason, excluded=excluded or {})

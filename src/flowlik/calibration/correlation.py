@@ -1,0 +1,158 @@
+"""How scores of neighbouring flow vectors go together, measured against their distance on data with truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from collections.abc import Sequence as Seq
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+from numba import njit
+from scipy.optimize import nnls
+
+from flowlik.calibration.run import Block, pair_errors
+from flowlik.camera import Array
+from flowlik.correlation import SCALES_PX, ScoreCorrelation, flow_directions, shapes
+from flowlik.errors import CalibrationError
+from flowlik.flow import flow_method
+from flowlik.flow.base import DenseFlow, FlowMethod
+from flowlik.flow.lucas_kanade import detect_corners
+from flowlik.likelihood import FlowLikelihood
+from flowlik.measurements import Measurements, stratified_pixels
+
+VECTORS = 1200
+EDGES_PX = np.concatenate([[0.0], np.geomspace(3.0, 3072.0, 31)])
+"""Edges of the distance bins; a bin's distances stand for their geometric mean."""
+
+
+@njit(cache=True, nogil=True)
+def _products(pixels, scores, n, size, first, per_octave, dot, along, norm, cosine):  # type: ignore[no-untyped-def]
+    last = len(norm) - 1
+    for i in range(len(pixels)):
+        for j in range(i + 1):
+            du, dv = pixels[i, 0] - pixels[j, 0], pixels[i, 1] - pixels[j, 1]
+            square = du * du + dv * dv
+            b = 0 if i == j else 1
+            if square >= first * first:
+                b = min(2 + int(per_octave * 0.5 * np.log2(square / (first * first))), last)
+            w = size[i] * size[j]
+            dot[b] += w * (scores[i, 0] * scores[j, 0] + scores[i, 1] * scores[j, 1])
+            along_i = n[i, 0] * scores[i, 0] + n[i, 1] * scores[i, 1]
+            along[b] += w * along_i * (n[j, 0] * scores[j, 0] + n[j, 1] * scores[j, 1])
+            norm[b] += w
+            cosine[b] += w * (n[i, 0] * n[j, 0] + n[i, 1] * n[j, 1])
+
+
+@dataclass(frozen=True, eq=False)
+class ScoreProducts:
+    """Sums over pairs of vectors of an image pair, by distance: row 0 is each vector with itself.
+
+    Every pair counts with the root of its vectors' information, as it does in a covariance. Merging adds
+    floats: blocks merged in the same order give the same bits, in another order nearly so.
+
+    Attributes
+    ----------
+    dot, along : array (D + 1,)
+        Sums of products [1/px^2] of whitened scores in {i}, and of their components along the flow.
+    norm, cosine : array (D + 1,)
+        Sums of the weights [1/px^2] alone, and times the cosine between the two flows.
+    """
+
+    dot: Array
+    along: Array
+    norm: Array
+    cosine: Array
+
+    @classmethod
+    def empty(cls) -> ScoreProducts:
+        """Sums of nothing."""
+        return cls(*np.zeros((4, len(EDGES_PX))))
+
+    @classmethod
+    def of(cls, likelihood: FlowLikelihood, m: Measurements, z: Array) -> ScoreProducts:
+        """Sums over the vectors of one image pair with errors z (N, 2) [px] in the eigenbasis."""
+        x = likelihood.coordinate(m)
+        fisher = likelihood.fisher(x)
+        scores = np.einsum("nij,nj->ni", m.R_i_e, likelihood.score(z, x) / np.sqrt(fisher))
+        size = np.sqrt(fisher.mean(axis=1))
+        sums = cls.empty()
+        per_octave = (len(EDGES_PX) - 2) / np.log2(EDGES_PX[-1] / EDGES_PX[1])
+        _products(
+            m.pixels, scores, flow_directions(m.flow), size, EDGES_PX[1], per_octave,
+            sums.dot, sums.along, sums.norm, sums.cosine,
+        )  # fmt: skip
+        return sums
+
+    def merge(self, other: ScoreProducts) -> ScoreProducts:
+        """Sums of both."""
+        names = ("dot", "along", "norm", "cosine")
+        return ScoreProducts(*(getattr(self, name) + getattr(other, name) for name in names))
+
+    @property
+    def distances_px(self) -> Array:
+        """Distance (D + 1,) [px] that stands for each row."""
+        middle = np.sqrt(EDGES_PX[1:-1] * EDGES_PX[2:])
+        return np.concatenate([[0.0, EDGES_PX[1] / 2], middle])
+
+
+def fit_correlation(sums: ScoreProducts) -> ScoreCorrelation:
+    """Both sums of Gaussians by non-negative least squares, rows weighed by the root of their norm.
+
+    At a distance the mean of ``dot`` is 2 rho + rho_flow c and that of ``along`` rho c + rho_flow, with c the
+    mean cosine between flows.
+
+    Raises
+    ------
+    CalibrationError
+        If there are no pairs of vectors.
+    """
+    scales = np.array(SCALES_PX)
+    rows = np.flatnonzero(sums.norm[1:] > 0) + 1
+    if not len(rows):
+        raise CalibrationError("no pairs of flow vectors to take the correlation of scores from")
+    norm = sums.norm[rows]
+    near = shapes(sums.distances_px[rows], scales)[:, 1:]
+    turned = (sums.cosine[rows] / norm)[:, None] * near
+    basis = np.block([[2 * near, turned], [turned, near]])
+    means = np.concatenate([sums.dot[rows] / norm, sums.along[rows] / norm])
+    root = np.tile(np.sqrt(norm / norm.max()), 2)
+    fitted, _ = nnls(basis * root[:, None], means * root)
+    isotropic, along = fitted.reshape(2, -1)
+    # the rest of the scores' variance is each vector's own
+    own = 0.5 * sums.dot[0] / sums.norm[0] - isotropic.sum() - 0.5 * along.sum()
+    return ScoreCorrelation(
+        scales, np.concatenate([[max(own, 0.0)], isotropic]), np.concatenate([[0.0], along])
+    )
+
+
+def block_products(block: Block, likelihood: FlowLikelihood) -> ScoreProducts:
+    """Sums over a block of image pairs, 1200 random vectors of each, where an estimator takes them."""
+    method = flow_method(likelihood.method or {})
+    signals = likelihood.schedule.index.signals
+    sums = ScoreProducts.empty()
+    for k in block.firsts:
+        rng = np.random.default_rng([block.seed, k])
+        pixels = _pixels(block, k, method, rng)
+        e = pair_errors(block.sequence, k, method, likelihood.texture, pixels, signals)
+        sums = sums.merge(ScoreProducts.of(likelihood, e.measurements, e.z))
+    return sums
+
+
+def measure_correlation(
+    blocks: Seq[Block], likelihood: FlowLikelihood, map: Callable[..., Iterable[ScoreProducts]] = map
+) -> ScoreCorrelation:
+    """Correlation of a likelihood's scores on blocks of image pairs, through any `map`."""
+    if not blocks:
+        raise CalibrationError("no image pairs to take the correlation of scores from")
+    sums = map(block_products, blocks, [likelihood] * len(blocks))
+    return fit_correlation(reduce(ScoreProducts.merge, sums))
+
+
+def _pixels(block: Block, k: int, method: FlowMethod, rng: np.random.Generator) -> Array:
+    image = block.sequence.image(k)
+    if isinstance(method, DenseFlow):
+        pixels = stratified_pixels(image.shape, 4000, rng)
+    else:
+        pixels = detect_corners(image)
+    return pixels[rng.permutation(len(pixels))[:VECTORS]]

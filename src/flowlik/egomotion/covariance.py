@@ -1,0 +1,123 @@
+"""Covariance of an estimated motion from correlated errors: the sandwich (docs/theory-covariance.md)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from flowlik.camera import Array
+from flowlik.correlation import ScoreCorrelation, flow_directions
+from flowlik.measurements import Measurements
+
+# two cubic B-splines on a grid of this spacing, in units of the scale, overlap like a Gaussian of it
+SPACING = float(np.sqrt(1.5))
+
+
+def sandwich(information: Array, variability: Array, basis: Array) -> Array:
+    """Covariance (6, 6) ``A^-1 B A^-1`` within the observable directions, and 0 in the others.
+
+    Parameters
+    ----------
+    information : array (6, 6)
+        A, minus the expected derivative of the total score.
+    variability : array (6, 6)
+        B, covariance of the total score.
+    basis : array (6, D)
+        Observable directions, orthonormal.
+    """
+    inverse = basis @ np.linalg.inv(basis.T @ information @ basis) @ basis.T
+    return inverse @ variability @ inverse
+
+
+def temperature(information: Array, variability: Array) -> float:
+    """Power in (0, 1] of a product of likelihoods at which it is worth what it knows, against a prior.
+
+    ``D / tr(A^-1 B)``: the magnitude adjustment of composite likelihoods (Pauli, Racugno and Ventura 2011).
+    Directions that the measurements say nothing about are left out.
+    """
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    inverse = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-9, hermitian=True)
+    spread = float(np.trace(inverse @ (variability / np.outer(scale, scale))))
+    rank = float(np.linalg.matrix_rank(inverse, hermitian=True))
+    return min(rank / spread, 1.0) if spread > 0 else 1.0
+
+
+def score_covariance(
+    m: Measurements, directions: Array, J: Array, fisher: Array, correlation: ScoreCorrelation
+) -> Array:
+    """Covariance B (6, 6) of the total score ``sum_c J_c^T s_c``, whose terms are correlated over the image.
+
+    Parameters
+    ----------
+    m : Measurements
+        Flow vectors (N,).
+    directions : array (C, 2)
+        Unit vectors of the error components in {i}, those of a vector side by side.
+    J : array (C, 6)
+        Jacobian of the components.
+    fisher : array (C,)
+        Information of each component [1/px^2]; 0 leaves it out.
+    correlation : ScoreCorrelation
+        Of the likelihood.
+    """
+    n = len(m)
+    roots = np.sqrt(fisher)[:, None] * J
+    G = np.empty((n, 3, 6))  # scores along u, v and the flow, as functions of the tangent
+    G[:, :2] = np.einsum("nki,nkj->nij", directions.reshape(n, -1, 2), roots.reshape(n, -1, 6))
+    G[:, 2] = np.einsum("ni,nij->nj", flow_directions(m.flow), G[:, :2])
+    weights = np.stack([correlation.isotropic, correlation.isotropic, correlation.along])
+    B = np.einsum("b,nbi,nbj->ij", weights[:, 0], G, G, optimize=True)
+    whole = G.sum(axis=0)
+    B += np.einsum("b,bi,bj->ij", weights[:, -1], whole, whole)
+    for scale, w in zip(correlation.scales_px, weights[:, 1:-1].T):
+        if w.any():
+            B += smoothed_products(m.pixels, G, SPACING * scale, w)
+    return B
+
+
+@njit(cache=True, inline="always")
+def _spline(a, w):  # type: ignore[no-untyped-def]
+    """Weights of the four nodes around a position at fraction a, with a sum of squares of 1."""
+    b = 1.0 - a
+    w[0], w[3] = b * b * b / 6, a * a * a / 6
+    w[1], w[2] = 2.0 / 3 - a * a * (1 - 0.5 * a), 2.0 / 3 - b * b * (1 - 0.5 * b)
+    norm = 1 / np.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2] + w[3] * w[3])
+    for k in range(4):
+        w[k] *= norm
+
+
+@njit(cache=True, nogil=True)
+def smoothed_products(pixels, G, spacing, weights):  # type: ignore[no-untyped-def]
+    """``sum_ij k(p_i - p_j) G_i^T G_j`` (6, 6), each row b of G (N, K, 6) times its weight.
+
+    k is the overlap of two splines: G is spread over a grid and the nodes' squares are added up.
+    """
+    u0, v0 = pixels[:, 0].min(), pixels[:, 1].min()
+    columns = int((pixels[:, 0].max() - u0) / spacing) + 4
+    rows = int((pixels[:, 1].max() - v0) / spacing) + 4
+    grid = np.zeros((rows, columns, len(weights), 6))
+    wu, wv = np.empty(4), np.empty(4)
+    for i in range(len(pixels)):
+        u, v = (pixels[i, 0] - u0) / spacing, (pixels[i, 1] - v0) / spacing
+        c0, r0 = int(u), int(v)
+        _spline(u - c0, wu)
+        _spline(v - r0, wv)
+        for r in range(4):
+            for c in range(4):
+                w, node = wv[r] * wu[c], grid[r0 + r, c0 + c]
+                for b in range(len(weights)):
+                    for j in range(6):
+                        node[b, j] += w * G[i, b, j]
+    B = np.zeros((6, 6))
+    for r in range(rows):
+        for c in range(columns):
+            for b in range(len(weights)):
+                row = grid[r, c, b]
+                for i in range(6):
+                    a = weights[b] * row[i]
+                    for j in range(i, 6):
+                        B[i, j] += a * row[j]
+    for i in range(6):
+        for j in range(i):
+            B[i, j] = B[j, i]
+    return B
