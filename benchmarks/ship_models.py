@@ -14,13 +14,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from calibration_plan import CALIBRATION
-from flights import errors_of
+from flights import errors_of, rendered
 from flowlik.calibration import (
     FLOW_INDEX,
     ErrorSketch,
     Task,
     calibrate,
     index_form,
+    measure_correlation,
     merge_all,
     schedule_index,
 )
@@ -32,6 +33,8 @@ from flowlik.model_file import save_likelihood
 from flowlik.schedule import Index
 
 DENSE_PIXELS = 20_000
+# flights of which one is taken for the correlation of scores
+EVERY = 3
 METHODS = ("lucas-kanade", "lucas-kanade-11", "farneback", "dis", "horn-schunck")
 MODELS = Path(__file__).resolve().parents[1] / "src" / "flowlik" / "models"
 
@@ -71,6 +74,12 @@ def ship(method: str, cache: Path, kitti_poses: Path | None, out: Path) -> None:
     over = [block.over(index) for block in by_texture]
     for name, family, blocks in ((method, "glc", over), (f"{method}-lcm", "lcm", by_texture)):
         model = calibrate(blocks, error_family(family), flow, provenance=provenance)
+        pairs = [
+            block
+            for flight in CALIBRATION[::EVERY]
+            for block in rendered(flight, cache, kitti_poses).blocks(flight.seed)
+        ]
+        model = replace(model, correlation=measure_correlation(pairs, model))
         save_likelihood(with_goodness(model, blocks), out / f"{name}.json")
         print(name, model.goodness["fit"], f"{time.perf_counter() - start:.0f} s", flush=True)
 

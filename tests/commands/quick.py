@@ -25,14 +25,18 @@ def cache_by_kind(render):
 @pytest.fixture(scope="package", autouse=True)
 def quick():
     """Fits of few iterations, intervals of few replicates, one figure of few pixels a kind."""
-    module = sys.modules["flowlik.calibration.fit"]  # the package's attribute of this name is the function
-    minimize = module.minimize
+    # the package's attribute of the name `fit` is the function
+    modules = [sys.modules[f"flowlik.calibration.{name}"] for name in ("fit", "learn")]
+    minimize = modules[0].minimize
 
     def minimize_a_little(*args, options, **keywords):
         return minimize(*args, options={**options, "maxiter": 15}, **keywords)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "minimize", minimize_a_little)
+        for module in modules:
+            patch.setattr(module, "minimize", minimize_a_little)
+        patch.setattr("flowlik.calibration.run.choose_smoothing", lambda *_: 1e-5)
+        patch.setattr("flowlik.commands.calibrate.BAND_REPLICATES", 2)
         patch.setattr(evidence, "block_interval", partial(block_interval, replicates=5))
         patch.setattr(style, "DPI", 30)
         # drawing takes a second a figure: tests/report looks at each, here one of a kind will do

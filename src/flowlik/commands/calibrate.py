@@ -6,11 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from flowlik.calibration import (
     BOOTSTRAP_BLOCKS,
     FLOW_INDEX,
     ErrorSketch,
     Task,
+    bootstrap,
     check_schedule,
     gather,
     index_form,
@@ -36,6 +39,7 @@ from flowlik.records import Record, select
 from flowlik.runs import RunFolder
 from flowlik.schedule import Index
 
+BAND_REPLICATES = 12
 BEST_FAMILY, BEST_SCHEDULE = "glc", "index"
 
 
@@ -124,7 +128,11 @@ def calibrate(
         add_evidence(
             run, blocks_of_chosen, shown, names, label=label_of_chosen, seed=seed, split="calibration"
         )
-    run.save("table", label, evidence.table(merge_all(blocks_of_chosen), chosen))
+    bands = None
+    if schedule != "constant":
+        rng, smoothing = np.random.default_rng(seed), chosen.goodness["fit"]["smoothing"]
+        bands = bootstrap(blocks_of_chosen, chosen.family, chosen.schedule, rng, BAND_REPLICATES, smoothing)
+    run.save("table", label, evidence.table(merge_all(blocks_of_chosen), chosen, bands))
     save_likelihood(with_goodness(chosen, run.records), run.path / "models" / f"{label}.json")
     run.finish()
     return run
