@@ -245,7 +245,7 @@ def _figures(
 
 
 def _write_frames(path: Path, estimated: Trajectory, motions: list[EgoMotion]) -> None:
-    """One row a frame: status and reason, whether predicted, standard deviations, inliers, what was left out."""
+    """One row a frame: status and reason, whether predicted, standard deviations, inliers, losses."""
     with atomic_write(path) as file:
         writer = csv.writer(file)
         writer.writerow(
