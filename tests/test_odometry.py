@@ -128,6 +128,11 @@ def test_an_unsolved_frame_repeats_the_previous_motion_and_says_so(estimator):
     assert (lost.status, lost.solved) == (Status.TOO_FEW, False)
     assert lost.excluded["no flow"] > 1000
     np.testing.assert_array_equal(lost.information, 0)
+    assert (lost.predicted, after.predicted) == (True, False)
+    # one motion seen: the next may be anything of its size
+    sigma = np.sqrt(np.diag(lost.covariance))
+    assert (sigma >= 0.99 * np.repeat([MOTIONS[0].rotation.magnitude(), 0.3], 3)).all()
+    assert np.trace(after.covariance) < 0.1 * np.trace(lost.covariance)
     assert after.solved
     assert_same(odometry.poses, poses([MOTIONS[0], MOTIONS[0], MOTIONS[2]]))
 

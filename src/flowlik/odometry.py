@@ -13,6 +13,7 @@ from flowlik.boresight import Boresight
 from flowlik.camera import Array, Pinhole
 from flowlik.datasets.base import Sequence
 from flowlik.egomotion import EgoMotion, Epipolar, Estimator, KnownDepth, Residual, Status
+from flowlik.egomotion.prediction import ConstantMotion
 from flowlik.egomotion.result import unsolved
 from flowlik.egomotion.self_calibration import Intrinsics, SelfCalibration
 from flowlik.errors import DataError
@@ -105,7 +106,7 @@ class Odometry:
         self.timestamps: list[float] = []
         self._image: Image | None = None
         self._depth: Array | None = None
-        self._previous_motion = RigidTransform.identity()
+        self._model = ConstantMotion()
         self._length_m: float | None = None
 
     def step(
@@ -118,8 +119,9 @@ class Odometry:
     ) -> EgoMotion:
         """Take the next image and return the motion since the one before.
 
-        Where a motion cannot be solved its status says so, the motion returned is the previous one
-        repeated, with no information, and the trajectory goes on from there.
+        Where a motion cannot be solved its status says why; what is returned is then a prediction, said so:
+        the previous motion, without information, with the covariance of a motion model
+        (`flowlik.egomotion.prediction`). The trajectory goes on from there.
 
         Parameters
         ----------
@@ -183,9 +185,15 @@ class Odometry:
         k = len(self.poses)
         motion = self._measured(m, k, depth)
         if not motion.solved:
-            motion = replace(motion, T_k_prev=self._previous_motion, information=np.zeros((6, 6)))
+            T, covariance = self._model.predict()
+            motion = replace(
+                motion, T_k_prev=T, information=np.zeros((6, 6)), covariance=covariance, predicted=True
+            )
         motion = self._with_length(motion, k, distance_m)
-        self._previous_motion = motion.T_k_prev
+        if motion.predicted:
+            self._model = self._model.untold()
+        else:
+            self._model = self._model.told(motion.T_k_prev, motion.covariance)
         if self.boresight is not None:
             turned = self.boresight.applied(motion.T_k_prev)
             if reference_m is not None and motion.status is Status.SOLVED:
@@ -202,8 +210,9 @@ class Odometry:
             m, camera = intrinsics.rectified(m), intrinsics.camera
         residual: Residual = Epipolar.of(m, camera) if depth is None else KnownDepth.of(m, camera, depth)
         # the previous motion saves five-point samples, unless it has no direction
-        moving = not residual.metric and np.any(self._previous_motion.translation)
-        start = self._previous_motion if k > 1 and moving else None
+        previous = self._model.last
+        moving = not residual.metric and previous is not None and np.any(previous.translation)
+        start = previous if moving else None
         motion = self.estimator.estimate(residual, seed=np.random.default_rng([self.seed, k]), start=start)
         if intrinsics is not None:
             if motion.status is Status.SOLVED and not residual.metric:
@@ -225,7 +234,16 @@ class Odometry:
         if distance_m is None:
             return motion
         self._length_m = distance_m
-        return replace(motion, T_k_prev=scaled(motion.T_k_prev, distance_m), scale_known=True)
+        factor = np.repeat([1.0, distance_m], 3)
+        return replace(
+            motion,
+            T_k_prev=scaled(motion.T_k_prev, distance_m),
+            information=motion.information / np.outer(factor, factor)
+            if distance_m > 0
+            else motion.information,
+            covariance=motion.covariance * np.outer(factor, factor) if motion.solved else motion.covariance,
+            scale_known=True,
+        )
 
 
 def scaled(T_k_prev: RigidTransform, distance_m: float) -> RigidTransform:

@@ -1,11 +1,12 @@
 import builtins
+import dataclasses
 
 import numpy as np
 import pytest
 
 from flowlik.egomotion import Epipolar, KnownDepth, ransac
-from flowlik.errors import FlowlikError
-from flowlik.evaluation.baselines import opencv_essential, opencv_pnp, poselib_relative
+from flowlik.errors import DataError, FlowlikError
+from flowlik.evaluation.baselines import PNP, Pnp, opencv_essential, opencv_pnp, poselib_relative, sweep
 from tests.helpers import CAMERA, lcm_likelihood, make_scene, random_motion, tangent_error
 
 MODEL = lcm_likelihood()
@@ -60,3 +61,36 @@ def test_our_ransac_is_no_straw_man():
         errors.append([np.linalg.norm(tangent_error(T, scene.T)[3:]) for T in motions])
     ours, opencv = np.median(errors, axis=0)
     assert ours <= 1.05 * opencv
+
+
+@pytest.mark.parametrize("name", PNP)
+@pytest.mark.parametrize("gate", [None, 1.0])
+def test_every_rival_finds_the_motion_among_outliers(name, gate):
+    if name.startswith("poselib"):
+        pytest.importorskip("poselib")
+    # a Huber loss keeps what gross errors pull at
+    scene = scene_of(7, n=600, outliers=0.0 if name == "poselib-huber" else 0.2)
+    T = Pnp(name, 0.5, gate)(scene.known_depth)
+    np.testing.assert_allclose(tangent_error(T, scene.T), 0, atol=2e-3)
+
+
+def test_a_gate_leaves_points_out():
+    scene = scene_of(8, n=300)
+    weak = scene.measurements.t[:, 1] < 30
+    flow = scene.measurements.flow + 20 * weak[:, None]
+    wrong = KnownDepth.of(dataclasses.replace(scene.measurements, flow=flow), CAMERA, scene.depth)
+    T = Pnp("opencv-ransac", 0.5, 30.0)(wrong)
+    np.testing.assert_allclose(tangent_error(T, scene.T), 0, atol=1e-4)
+    assert Pnp("opencv-ransac", 0.5, 1e9)(wrong) is None
+
+
+def test_a_sweep_finds_the_radius_that_suits_the_noise():
+    scenes = [scene_of(seed, n=300, likelihood=MODEL, outliers=0.2) for seed in range(6)]
+    pairs = [(scene.known_depth, scene.T) for scene in scenes]
+    radii = (0.01, 0.5, 30.0)
+    assert sweep(Pnp(), pairs, radii) == Pnp(radius_px=0.5)
+
+
+def test_an_unknown_rival_is_refused():
+    with pytest.raises(DataError, match="opencv-magsac"):
+        Pnp("opencv")

@@ -150,6 +150,11 @@ def odometry(
     (outside,) = select(run.records, metric="outside_fraction")
     if message := outside_warning(outside.value or 0.0, sequence.name):
         run.warn(message)
+    if predicted := sum(motion.predicted for motion in motions):
+        run.warn(
+            f"{sequence.name}: {predicted} of {len(motions)} frames could not be solved and were predicted "
+            "from the motions before them; frames.csv says which and why"
+        )
     run.finish()
     return run
 
@@ -240,17 +245,21 @@ def _figures(
 
 
 def _write_frames(path: Path, estimated: Trajectory, motions: list[EgoMotion]) -> None:
-    """One row a frame: time [s], status and its reason, inliers, and what was left out."""
+    """One row a frame: status and reason, whether predicted, standard deviations, inliers, losses."""
     with atomic_write(path) as file:
         writer = csv.writer(file)
         writer.writerow(
-            ["frame", "timestamp_s", "status", "reason", "inliers", "unit", "informative", "components",
+            ["frame", "timestamp_s", "status", "reason", "predicted", "sigma_rotation_deg",
+             "sigma_translation", "inliers", "unit", "informative", "components",
              "outside_fraction", "hypotheses", "log_prob_nat", "excluded"]
         )  # fmt: skip
         for k, motion in enumerate(motions, start=1):
             excluded = " ".join(f"{reason}:{count}" for reason, count in motion.excluded.items() if count)
+            variance = np.diag(motion.covariance).reshape(2, 3).sum(axis=1)
+            rotation, translation = np.sqrt(variance) * [np.degrees(1.0), 1.0]
             writer.writerow(
-                [k, estimated.timestamps[k], motion.status.value, motion.reason, motion.inliers,
+                [k, estimated.timestamps[k], motion.status.value, motion.reason, int(motion.predicted),
+                 f"{rotation:.6g}", f"{translation:.6g}", motion.inliers,
                  motion.inlier_unit, motion.informative, motion.components,
                  f"{motion.outside:.4f}", motion.hypotheses, f"{motion.log_prob:.3f}", excluded]
             )  # fmt: skip

@@ -42,6 +42,8 @@ class EgoMotion:
         SOLVED, or why not.
     reason : str
         One line for a status other than SOLVED.
+    predicted : bool
+        Whether the motion and its covariance are a motion model's, since the images did not tell.
     scale_known : bool
         Whether the translation is metric.
     inliers : int
@@ -67,6 +69,7 @@ class EgoMotion:
     covariance: Array
     status: Status
     reason: str = ""
+    predicted: bool = False
     scale_known: bool = True
     inliers: int = 0
     informative: int = 0
