@@ -9,6 +9,7 @@ DATA (layouts as `docs/datasets.md` has them); models are calibrated in simulati
 from __future__ import annotations
 
 import argparse
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,11 +34,13 @@ from flowlik.datasets.base import Sequence
 from flowlik.evaluation.goodness import (
     CONFIDENCES,
     coverage,
+    held_out_floor,
     kolmogorov_smirnov,
     negative_log_likelihood,
     nll_interval,
     outside_range,
 )
+from flowlik.evaluation.levels import levels
 from flowlik.families import FAMILIES
 from flowlik.flow import flow_method
 from flowlik.likelihood import FlowLikelihood
@@ -96,7 +99,6 @@ def models_of(
 def sketches_of(
     method: str,
     models: dict[tuple[str, str], FlowLikelihood],
-    name: str,
     source: Flight | Sequence,
     options: Options,
 ) -> dict[Index, list[ErrorSketch]]:
@@ -104,18 +106,12 @@ def sketches_of(
     indices = tuple(dict.fromkeys(m.schedule.index for m in models.values()))
     task = task_of(method, indices)
     if isinstance(source, Flight):
-        label = f"{method}-{abs(hash_of(indices)):x}"
+        label = f"{method}-{zlib.crc32(repr(indices).encode()):x}"
         found = errors_of(source, task, options.cache, options.kitti_poses, label)
     else:
         each = list(sketch_blocks(split_blocks(source, 0, 1), [task]))
         found = [[sketches[kind] for sketches in each] for kind in range(len(indices))]
     return dict(zip(indices, found))
-
-
-def hash_of(indices: tuple[Index, ...]) -> int:
-    import zlib
-
-    return zlib.crc32(repr(indices).encode())
 
 
 def records_of(
@@ -129,15 +125,18 @@ def records_of(
     for (schedule, family), model in models.items():
         blocks = [b for b in sketches[model.schedule.index] if b.total]
         merged = merge_all(blocks)
-        ks = kolmogorov_smirnov(merged, model, LEAST_COMPONENTS, LEAST_FRAMES if len(blocks) > 1 else 1)
+        frames = LEAST_FRAMES if len(blocks) > 1 else 1
+        ks = kolmogorov_smirnov(merged, model, LEAST_COMPONENTS, frames)
+        found = levels(blocks, model, LEAST_COMPONENTS, frames)
+        by_level = found.coverage[found.counted]
         low, high = nll_interval(blocks, model, np.random.default_rng(0))
         figures = {
             "nll": negative_log_likelihood(merged, model),
             "ks_median": ks.median,
             "ks_max": ks.maximum,
             **{f"coverage_{c * 100:.0f}": coverage(merged, model, c) for c in CONFIDENCES},
-            "coverage_90_lowest_level": float(level_coverage(merged, model)[ks.counted].min(initial=1.0)),
-            "coverage_90_highest_level": float(level_coverage(merged, model)[ks.counted].max(initial=0.0)),
+            "coverage_90_lowest_level": float(by_level.min(initial=1.0)),
+            "coverage_90_highest_level": float(by_level.max(initial=0.0)),
             "outside_fraction": outside_range(merged, model),
         }
         note = protocol(
@@ -169,31 +168,6 @@ def records_of(
         )
 
 
-def level_coverage(sketch: ErrorSketch, model: FlowLikelihood, confidence: float = 0.9) -> np.ndarray:
-    """Share (L,) of components of each texture level within the model's region; NaN at empty levels.
-
-    Needs the joint counts of level, x and abs(z), which a sketch does not keep: taken from its reservoir.
-    """
-    values = dict(zip(sketch.columns, sketch.rows.T))
-    x = sketch.index.combine(values)
-    inside = np.abs(sketch.rows[:, -1]) <= model.bound(x, confidence)
-    from flowlik.calibration.sketch import LEVELS, level_edges
-
-    level = np.clip(np.digitize(values["texture"], level_edges()) - 1, 0, LEVELS - 1)
-    with np.errstate(invalid="ignore"):
-        return np.bincount(level, inside, LEVELS) / np.bincount(level, minlength=LEVELS)
-
-
-def floor(mine: ErrorSketch, other: ErrorSketch) -> float:
-    """Median K-S distance of abs(z) between two populations at equal textures."""
-    counts = [s.errors.sum(axis=1) for s in (mine, other)]
-    totals = [c.sum(axis=1, keepdims=True) for c in counts]
-    counted = (totals[0][:, 0] >= LEAST_COMPONENTS) & (totals[1][:, 0] >= LEAST_COMPONENTS)
-    with np.errstate(invalid="ignore"):
-        shares = [np.cumsum(c, axis=1) / t for c, t in zip(counts, totals)]
-    return float(np.median(np.abs(shares[0] - shares[1]).max(axis=1)[counted]))
-
-
 def in_sample(method: str, options: Options) -> Iterator[Record]:
     """Every family over texture, and the best over every schedule, on the calibration flights."""
     wanted = [("texture", family) for family in FAMILIES]
@@ -208,12 +182,12 @@ def held_out(method: str, options: Options) -> Iterator[Record]:
     models, _ = models_of(method, strict(), list(SHOWN), options)
     merged = {}
     for name, flight in REPORT.items():
-        sketches = sketches_of(method, models, name, flight, options)
+        sketches = sketches_of(method, models, flight, options)
         yield from records_of(method, name, models, sketches, split="held out")
         merged[name] = merge_all(sketches[Index()])
     first, *others = merged
     for name in others:
-        value = floor(merged[first], merged[name])
+        value = held_out_floor(merged[first], merged[name], LEAST_COMPONENTS, LEAST_FRAMES).median
         print(
             f"{method:<16} {name:<24} K-S between its errors and those of '{first}': {value:.3f}", flush=True
         )
@@ -228,7 +202,7 @@ def real(method: str, options: Options) -> Iterator[Record]:
         if not (options.data / path).exists():
             print(f"no {name} at {path}: left out")
             continue
-        sketches = sketches_of(method, models, name, open_sequence(options.data / path), options)
+        sketches = sketches_of(method, models, open_sequence(options.data / path), options)
         yield from records_of(method, name, models, sketches, split="other data")
 
 
