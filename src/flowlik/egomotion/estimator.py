@@ -262,16 +262,14 @@ class Estimator:
         return reliability + 1e-6 * reliability.max() + 1e-300
 
     def _refine(self, residual: Residual, T: Array, used: NDArray[np.bool_]) -> tuple[Array, float]:
-        """Maximise the likelihood over inliers, chosen anew until they settle, or over all if asked."""
-        if self.refine_all:
-            return self._maximise(residual, T, used)
+        """Maximise the likelihood over inliers, chosen anew until they settle, then over all if asked."""
         log_prob = -np.inf
         for _ in range(REFINEMENTS):
             before = T
             T, log_prob = self._maximise(residual, T, self._inliers(residual, T, used))
             if T is before:
                 break
-        return T, log_prob
+        return self._maximise(residual, T, used) if self.refine_all else (T, log_prob)
 
     def _maximise(
         self,
