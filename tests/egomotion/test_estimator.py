@@ -162,7 +162,8 @@ def test_modelled_errors_are_estimated_better_by_their_own_likelihood():
             T = estimator.estimate(scene.known_depth, seed=seed).T_k_prev
             errors[estimator.name].append(np.linalg.norm(T.translation - scene.T.translation))
     medians = {name: np.median(e) for name, e in errors.items()}
-    assert medians["mle"] < medians["lcmsac"] < medians["ransac"]
+    assert medians["lcmsac"] < medians["ransac"]
+    assert medians["mle"] < 1.05 * medians["lcmsac"]
 
 
 @every_estimator

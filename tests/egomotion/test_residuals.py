@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
@@ -5,7 +7,9 @@ from scipy.spatial.transform import RigidTransform
 from flowlik import motion, threads
 from flowlik.egomotion import KnownDepth
 from flowlik.egomotion.epipolar import five_point
+from flowlik.egomotion.residual import Chosen, equations_of
 from flowlik.errors import DataError
+from flowlik.motion import exp_se3
 from flowlik.schedule import Index
 from tests.helpers import CAMERA, finite_difference, lcm_likelihood, make_scene, random_motion
 
@@ -226,3 +230,29 @@ def test_a_pure_rotation_leaves_the_epipolar_motion_ambiguous():
     residual = make_scene(T, np.random.default_rng(1), n=500, likelihood=MODEL).epipolar
     _, ambiguous = residual.motion(motion.essential_matrix(T), lambda T: np.ones(500, bool))
     assert ambiguous
+
+
+@pytest.mark.parametrize("widened", [1.0, 3.0])
+def test_one_pass_gives_the_equations_of_the_linearised_errors(widened):
+    model, rng = lcm_likelihood(), np.random.default_rng(20)
+    scene = make_scene(random_motion(rng), rng, n=200, likelihood=model)
+    residual = scene.known_depth
+    # a motion that puts some points behind the camera
+    T = exp_se3(np.array([0.0, 0.0, 0.0, 0.1, 0.0, -4.0])).as_matrix()[:3]
+    x, tables = residual.coordinates(T, model.schedule.index), model.compiled
+    used = rng.random(400) < 0.8
+    chosen = Chosen(used, tables.rows(x), model.fisher(x), tables)
+    found = residual.equations(T, chosen, widened)
+    expected = equations_of(*residual.linearise(T), chosen, widened)
+    assert found.lost == expected.lost > 0
+    for a, b in zip(found[:3], expected[:3]):
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9 * np.abs(b).max())
+
+
+def test_measurements_outside_the_depth_map_are_refused():
+    scene = make_scene(random_motion(np.random.default_rng(21)), np.random.default_rng(21), n=20)
+    m = scene.measurements
+    beside = dataclasses.replace(m, pixels=m.pixels + np.array([CAMERA.width, 0]))
+    depth = np.full((CAMERA.height, CAMERA.width), 3.0)
+    with pytest.raises(DataError, match="20 measurements lie outside the depth map"):
+        KnownDepth.of(beside, CAMERA, depth)

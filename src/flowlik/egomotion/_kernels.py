@@ -8,6 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from flowlik.tables import bilinear, magnitude_position
+
 NEWTON_STEPS = 10
 NEWTON_TOLERANCE_PX = 1e-6
 
@@ -68,6 +70,42 @@ def linearise_depth(T, directions, rho, ends, R_i_e, camera):  # type: ignore[no
             for j in range(6):
                 J[2 * i + e, j] = a * rows[0, j] + b * rows[1, j]
     return z, J
+
+
+@njit(cache=True, nogil=True)
+def equations_depth(T, directions, rho, ends, R_i_e, camera, rows, fisher, used, log_prob, weight, widened):  # type: ignore[no-untyped-def]
+    """`linearise_depth` and `tables.normal_equations` in one pass: H, b, sum of log_prob, components lost."""
+    H, b, total, lost = np.zeros((6, 6)), np.zeros(6), 0.0, 0
+    J, row = np.empty((2, 6)), np.empty(6)
+    last_row, scale = log_prob.shape[0] - 2, 1.0 / widened
+    for n in range(len(rho)):
+        if used[2 * n] == 0 and used[2 * n + 1] == 0:
+            continue
+        u, v, valid = _depth_rows(T, directions[n], rho[n], ends[n], camera, J)
+        if not valid:
+            lost += int(used[2 * n]) + int(used[2 * n + 1])
+            continue
+        for e in range(2):
+            c = 2 * n + e
+            if used[c] == 0:
+                continue
+            p, q = scale * R_i_e[n, 0, e], scale * R_i_e[n, 1, e]
+            z = p * u + q * v
+            i, (j, f) = min(int(rows[c]), last_row), magnitude_position(abs(z))
+            a = rows[c] - i
+            total += bilinear(log_prob, i, a, j, f)
+            wz = bilinear(weight, i, a, j, f) * z
+            for i in range(6):
+                row[i] = p * J[0, i] + q * J[1, i]
+            for i in range(6):
+                b[i] -= wz * row[i]
+                fj = fisher[c] * row[i]
+                for j in range(i, 6):
+                    H[i, j] += fj * row[j]
+    for i in range(6):
+        for j in range(i):
+            H[i, j] = H[j, i]
+    return H, b, total, lost
 
 
 @njit(cache=True, nogil=True)

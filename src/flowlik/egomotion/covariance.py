@@ -86,16 +86,18 @@ def _spline(a, w):  # type: ignore[no-untyped-def]
         w[k] *= norm
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
 def smoothed_products(pixels, G, spacing, weights):  # type: ignore[no-untyped-def]
     """``sum_ij k(p_i - p_j) G_i^T G_j`` (6, 6), each row b of G (N, K, 6) times its weight.
 
     k is the overlap of two splines: G is spread over a grid and the nodes' squares are added up.
     """
+    kinds = len(weights)
+    flat = G.reshape(len(G), kinds * 6)
     u0, v0 = pixels[:, 0].min(), pixels[:, 1].min()
     columns = int((pixels[:, 0].max() - u0) / spacing) + 4
     rows = int((pixels[:, 1].max() - v0) / spacing) + 4
-    grid = np.zeros((rows, columns, len(weights), 6))
+    grid = np.zeros((rows, columns, kinds * 6))
     wu, wv = np.empty(4), np.empty(4)
     for i in range(len(pixels)):
         u, v = (pixels[i, 0] - u0) / spacing, (pixels[i, 1] - v0) / spacing
@@ -104,20 +106,12 @@ def smoothed_products(pixels, G, spacing, weights):  # type: ignore[no-untyped-d
         _spline(v - r0, wv)
         for r in range(4):
             for c in range(4):
-                w, node = wv[r] * wu[c], grid[r0 + r, c0 + c]
-                for b in range(len(weights)):
-                    for j in range(6):
-                        node[b, j] += w * G[i, b, j]
+                w = wv[r] * wu[c]
+                for j in range(kinds * 6):
+                    grid[r0 + r, c0 + c, j] += w * flat[i, j]
+    nodes = grid.reshape(rows * columns, kinds * 6)
+    products = nodes.T @ nodes
     B = np.zeros((6, 6))
-    for r in range(rows):
-        for c in range(columns):
-            for b in range(len(weights)):
-                row = grid[r, c, b]
-                for i in range(6):
-                    a = weights[b] * row[i]
-                    for j in range(i, 6):
-                        B[i, j] += a * row[j]
-    for i in range(6):
-        for j in range(i):
-            B[i, j] = B[j, i]
-    return B
+    for b in range(kinds):
+        B += weights[b] * products[6 * b : 6 * b + 6, 6 * b : 6 * b + 6]
+    return 0.5 * (B + B.T)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flowlik.camera import Array, Pinhole
 from flowlik.egomotion import _kernels
 from flowlik.egomotion.known_depth import KnownDepth
-from flowlik.egomotion.residual import Bound, InliersOf, count_inliers
+from flowlik.egomotion.residual import Bound, Chosen, Equations, InliersOf, count_inliers, equations_of
 from flowlik.measurements import Measurements
 from flowlik.motion import decompose_essential, in_front, skew
 from flowlik.schedule import Index
@@ -66,6 +66,10 @@ class Epipolar:
     def coordinates(self, T: Array, index: Index) -> Array:
         """Coordinates x (N,) along the normals of the epipolar lines."""
         return index.along(self.measurements, self.linearise_with_normal(T)[1])
+
+    def equations(self, T: Array, chosen: Chosen, widened: float = 1.0) -> Equations:
+        """Normal equations of the chosen components."""
+        return equations_of(*self.linearise(T), chosen, widened)
 
     def directions(self, T: Array) -> Array:
         """Normals (N, 2) of the epipolar lines."""

@@ -12,11 +12,10 @@ from flowlik.camera import Array
 from flowlik.egomotion import _kernels
 from flowlik.egomotion.covariance import sandwich, score_covariance, temperature
 from flowlik.egomotion.posterior import LOST_NAT, GaussianPrior, Tempered
-from flowlik.egomotion.residual import Residual
+from flowlik.egomotion.residual import Chosen, Residual
 from flowlik.egomotion.result import EgoMotion, Status, unsolved
 from flowlik.errors import DataError
 from flowlik.likelihood import FlowLikelihood
-from flowlik.tables import normal_equations
 
 BATCH = 50
 REFINEMENTS = 5
@@ -285,23 +284,18 @@ class Estimator:
 
         Errors are taken to be `widened` times as wide as the likelihood says.
         """
-        tables = self.likelihood.compiled
-        x = residual.coordinates(T, self.likelihood.schedule.index)
-        rows, fisher = tables.rows(x), self.likelihood.fisher(x)
+        x, tables = residual.coordinates(T, self.likelihood.schedule.index), self.likelihood.compiled
+        held = Chosen(chosen, tables.rows(x), self.likelihood.fisher(x), tables)
 
         def equations(T: Array) -> tuple[Array, Array, float]:
-            z, J = residual.linearise(T)
-            if widened != 1.0:
-                z, J = z / widened, J / widened
-            usable = chosen & np.isfinite(z)
-            H, b, log_prob = normal_equations(z, J, rows, fisher, usable, tables.log_prob, tables.weight)
-            log_prob -= LOST_NAT * (chosen.sum() - usable.sum())
+            H, b, log_prob, lost = residual.equations(T, held, widened)
+            log_prob -= LOST_NAT * lost
             return (H, b, log_prob) if prior is None else prior.add(_transform(T), H, b, log_prob)
 
         H, b, log_prob = equations(T)
         for _ in range(steps):
             B = residual.basis(T)
-            step = B @ np.linalg.lstsq(B.T @ H @ B, B.T @ b, rcond=1e-14)[0]
+            step = B @ _solve(B.T @ H @ B, B.T @ b)
             if b @ step < CONVERGED_NAT:
                 break
             # where little is left to gain, the cusp's rounding decides and a shorter step gains no more
@@ -340,6 +334,14 @@ def _draw(weights: Array, count: int, size: int, rng: np.random.Generator) -> ND
     distinct = drawn[(np.diff(drawn, axis=1) > 0).all(axis=1)]
     # a handful of vectors rarely gives a distinct draw
     return distinct if len(distinct) else rng.permutation(len(weights))[None, :size]
+
+
+def _solve(A: Array, b: Array) -> Array:
+    """Solution of a positive definite system, or the shortest one where it is singular."""
+    try:
+        return np.asarray(np.linalg.solve(A, b), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.lstsq(A, b, rcond=1e-14)[0], dtype=np.float64)
 
 
 def _conditioned(basis: Array, information: Array) -> tuple[Status, str]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flowlik.camera import Array, Pinhole
 from flowlik.egomotion import _kernels
-from flowlik.egomotion.residual import Bound, InliersOf, count_inliers
+from flowlik.egomotion.residual import Bound, Chosen, Equations, InliersOf, count_inliers
 from flowlik.errors import DataError
 from flowlik.measurements import Measurements
 from flowlik.schedule import Index
@@ -38,13 +38,18 @@ class KnownDepth:
         Raises
         ------
         DataError
-            If the depth map's size is not the camera's.
+            If the depth map's size is not the camera's, or measurements lie outside it.
         """
         if depth_z.ndim == 2:
             if depth_z.shape != (camera.height, camera.width):
                 size = f"{camera.width}x{camera.height}"
                 raise DataError(f"depth map of {depth_z.shape[1]}x{depth_z.shape[0]} for a camera of {size}")
             column, row = np.rint(measurements.pixels).astype(int).T
+            inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
+            if not inside.all():
+                raise DataError(
+                    f"{int((~inside).sum())} measurements lie outside the depth map: another camera's?"
+                )
             depth_z = depth_z[row, column]
         elif depth_z.shape != (len(measurements),):
             raise DataError(f"{len(measurements)} measurements, but depths of shape {depth_z.shape}")
@@ -62,6 +67,7 @@ class KnownDepth:
 
     _points: tuple[Array, ...] = field(init=False, repr=False)
     _camera: tuple[float, ...] = field(init=False, repr=False)
+    _coordinates: dict[Index, Array] = field(init=False, repr=False, default_factory=dict)
 
     def __len__(self) -> int:
         """Return the number of flow vectors."""
@@ -72,8 +78,20 @@ class KnownDepth:
         return _kernels.linearise_depth(T, *self._points, self._camera)
 
     def coordinates(self, T: Array, index: Index) -> Array:
-        """Coordinates x (2N,), the same at every motion."""
-        return index.of(self.measurements).ravel()
+        """Coordinates x (2N,), the same at every motion and therefore kept."""
+        if index not in self._coordinates:
+            self._coordinates[index] = index.of(self.measurements).ravel()
+        return self._coordinates[index]
+
+    def equations(self, T: Array, chosen: Chosen, widened: float = 1.0) -> Equations:
+        """Normal equations of the chosen components."""
+        tables = chosen.tables
+        return Equations(
+            *_kernels.equations_depth(
+                T, *self._points, self._camera, chosen.rows, chosen.fisher, chosen.used,
+                tables.log_prob, tables.weight, widened,
+            )
+        )  # fmt: skip
 
     def directions(self, T: Array) -> Array:
         """Eigenvectors (2N, 2), the same at every motion."""
@@ -95,7 +113,7 @@ class KnownDepth:
 
     def bounds(self, bound: Bound, index: Index, kept: NDArray[np.bool_]) -> Array:
         """Bounds (N, 2) [px], -1 where left out."""
-        return np.where(kept, bound(index.of(self.measurements)), -1.0)
+        return np.where(kept, bound(self.coordinates(np.eye(4)[:3], index).reshape(-1, 2)), -1.0)
 
     def score(self, hypotheses: Array, bounds: Array, by_vector: bool) -> NDArray[np.int64]:
         """Inlier components, or vectors, of each motion."""

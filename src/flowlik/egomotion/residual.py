@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +11,35 @@ from numpy.typing import NDArray
 from flowlik.camera import Array
 from flowlik.measurements import Measurements
 from flowlik.schedule import Index
+from flowlik.tables import LikelihoodTables, normal_equations
 from flowlik.threads import in_bands
 
 SCORED_TOGETHER = 25
 
 Bound = Callable[[Array], Array]
 InliersOf = Callable[[Array], NDArray[np.bool_]]
+
+
+class Chosen(NamedTuple):
+    """Components of a maximisation and what the likelihood says of them, their coordinates held.
+
+    ``used`` (C,) tells which enter; ``rows`` (C,) are their rows in the tables, ``fisher`` (C,) [1/px^2]
+    their information.
+    """
+
+    used: NDArray[np.bool_]
+    rows: Array
+    fisher: Array
+    tables: LikelihoodTables
+
+
+class Equations(NamedTuple):
+    """Information H (6, 6), gradient b (6,), log-density [nat], and components without an image."""
+
+    H: Array
+    b: Array
+    log_prob: float
+    lost: int
 
 
 class Residual(Protocol):
@@ -50,6 +73,10 @@ class Residual(Protocol):
 
     def coordinates(self, T: Array, index: Index) -> Array:
         """Schedule coordinates x (C,) of the errors at a motion."""
+        ...
+
+    def equations(self, T: Array, chosen: Chosen, widened: float = 1.0) -> Equations:
+        """Normal equations of the chosen components, errors taken to be `widened` times as wide."""
         ...
 
     def directions(self, T: Array) -> Array:
@@ -95,6 +122,17 @@ class Residual(Protocol):
     def normalise(self, T: Array) -> Array:
         """Return the motion with what is unobservable set by convention."""
         ...
+
+
+def equations_of(z: Array, J: Array, chosen: Chosen, widened: float) -> Equations:
+    """Normal equations of linearised errors."""
+    if widened != 1.0:
+        z, J = z / widened, J / widened
+    usable = chosen.used & np.isfinite(z)
+    H, b, log_prob = normal_equations(
+        z, J, chosen.rows, chosen.fisher, usable, chosen.tables.log_prob, chosen.tables.weight
+    )
+    return Equations(H, b, log_prob, int(chosen.used.sum() - usable.sum()))
 
 
 def count_inliers(kernel: Callable[..., None], inputs: tuple[Any, ...], hypotheses: int) -> NDArray[np.int64]:
