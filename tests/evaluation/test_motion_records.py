@@ -99,7 +99,9 @@ def test_what_a_short_path_does_not_allow_is_null_with_its_reason(step_m, reason
 
 def test_shares_of_frames_not_solved_and_components_outside():
     def motion(status, components, outside):
-        return EgoMotion(RigidTransform.identity(), np.eye(6), status, components=components, outside=outside)
+        return EgoMotion(
+            RigidTransform.identity(), np.eye(6), np.eye(6), status, components=components, outside=outside
+        )
 
     motions = [
         motion(Status.SOLVED, 100, 0.2),

@@ -48,7 +48,7 @@ def test_a_right_covariance_covers_the_differences():
         t = np.append(xi[3:], 1.0)
         T = exp_se3(np.append(xi[:3], np.zeros(3)))
         T = RigidTransform.from_components(t / np.linalg.norm(t), T.rotation)
-        return EgoMotion(T, information, Status.SOLVED)
+        return EgoMotion(T, information, np.linalg.pinv(information), Status.SOLVED)
 
     first, second = ([estimate() for _ in range(600)] for _ in range(2))
     distances = half_distances(first, second)
