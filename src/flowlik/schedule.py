@@ -157,11 +157,16 @@ class Schedule:
 
     def hats(self, x: Array) -> Array:
         """Interpolation weights (M, X) of the knots at x (X,)."""
-        return np.stack([np.interp(x, self.knots, row) for row in np.eye(len(self.knots))])
+        return hat_weights(self.knots, x)
 
     def outside(self, x: Array) -> float:
         """Share of coordinates beyond the outer knots, where the table was never calibrated."""
         return float(np.mean((x < self.knots[0]) | (x > self.knots[-1]))) if np.size(x) else 0.0
+
+
+def hat_weights(knots: Array, x: Array) -> Array:
+    """Interpolation weights (M, X) of knots (M,) at x (X,), constant beyond the outer ones."""
+    return np.stack([np.interp(x, knots, row) for row in np.eye(len(knots))])
 
 
 def check_values(family: ErrorFamily, schedule: Schedule) -> None:

@@ -11,7 +11,7 @@ from flowlik.calibration.sketch import ErrorSketch, bin_centres, magnitude_centr
 from flowlik.camera import Array
 from flowlik.errors import CalibrationError
 from flowlik.families import ErrorFamily
-from flowlik.schedule import Schedule
+from flowlik.schedule import Schedule, hat_weights
 
 SMOOTHING_NAT = 1e-5
 SMOOTHINGS_NAT = (1e-6, 1e-5, 1e-4, 1e-3)
@@ -86,7 +86,7 @@ def fit(
     knots = place_knots(sketch) if knots is None else knots
     x, magnitude, share = _cells(sketch)
     if start is None:
-        hats = _hats(knots, x)
+        hats = hat_weights(knots, x)
         begun = np.stack([_start(family, share, row, magnitude) for row in hats], axis=1)
         # most of the way on a grid of a sixteenth of the cells
         coarse = _coarser(x, magnitude, share)
@@ -180,11 +180,6 @@ def _coarser(x: Array, magnitude: Array, share: Array) -> tuple[Array, Array, Ar
     )
 
 
-def _hats(knots: Array, x: Array) -> Array:
-    """Interpolation weights (M, X) of the knots at x."""
-    return np.stack([np.interp(x, knots, row) for row in np.eye(len(knots))])
-
-
 def _minimise(
     family: ErrorFamily,
     knots: Array,
@@ -195,7 +190,7 @@ def _minimise(
     start: Array,
 ) -> tuple[Array, int, float]:
     """Free parameters (P, M) of least cost, iterations, and the largest component of the gradient."""
-    hats = _hats(knots, x)
+    hats = hat_weights(knots, x)
 
     def objective(flat: Array) -> tuple[float, Array]:
         free = flat.reshape(start.shape)
