@@ -67,6 +67,10 @@ class Epipolar:
         """Coordinates x (N,) along the normals of the epipolar lines."""
         return index.along(self.measurements, self.linearise_with_normal(T)[1])
 
+    def eigen_coordinates(self, index: Index) -> Array:
+        """Coordinates x (N, 2) of the eigen-components."""
+        return index.of(self.measurements)
+
     def equations(self, T: Array, chosen: Chosen, widened: float = 1.0) -> Equations:
         """Normal equations of the chosen components."""
         return equations_of(*self.linearise(T), chosen, widened)

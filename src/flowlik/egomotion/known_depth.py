@@ -83,6 +83,10 @@ class KnownDepth:
             self._coordinates[index] = index.of(self.measurements).ravel()
         return self._coordinates[index]
 
+    def eigen_coordinates(self, index: Index) -> Array:
+        """Coordinates x (N, 2) of the eigen-components."""
+        return self.coordinates(np.eye(4)[:3], index).reshape(-1, 2)
+
     def equations(self, T: Array, chosen: Chosen, widened: float = 1.0) -> Equations:
         """Normal equations of the chosen components."""
         tables = chosen.tables
@@ -113,7 +117,7 @@ class KnownDepth:
 
     def bounds(self, bound: Bound, index: Index, kept: NDArray[np.bool_]) -> Array:
         """Bounds (N, 2) [px], -1 where left out."""
-        return np.where(kept, bound(self.coordinates(np.eye(4)[:3], index).reshape(-1, 2)), -1.0)
+        return np.where(kept, bound(self.eigen_coordinates(index)), -1.0)
 
     def score(self, hypotheses: Array, bounds: Array, by_vector: bool) -> NDArray[np.int64]:
         """Inlier components, or vectors, of each motion."""

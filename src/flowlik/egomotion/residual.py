@@ -75,6 +75,10 @@ class Residual(Protocol):
         """Schedule coordinates x (C,) of the errors at a motion."""
         ...
 
+    def eigen_coordinates(self, index: Index) -> Array:
+        """Schedule coordinates x (N, 2) of the vectors' eigen-components."""
+        ...
+
     def equations(self, T: Array, chosen: Chosen, widened: float = 1.0) -> Equations:
         """Normal equations of the chosen components, errors taken to be `widened` times as wide."""
         ...
