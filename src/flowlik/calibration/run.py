@@ -23,6 +23,7 @@ from flowlik.flow.base import DenseFlow, FlowMethod, Image, describe, method_for
 from flowlik.flow.lucas_kanade import detect_corners
 from flowlik.likelihood import FlowLikelihood
 from flowlik.measurements import Measurements, measure, stratified_pixels
+from flowlik.sampling import sample_flow
 from flowlik.schedule import Index
 from flowlik.texture import TextureDefinition
 
@@ -125,15 +126,14 @@ def pair_errors(
     texture : TextureDefinition, optional
         Definition of texture.
     pixels : array (N, 2), optional
-        Whole pixels to measure at; by default where the method chooses.
+        Pixels to measure at; by default where the method chooses.
     signals : iterable of str
         Signals to measure besides.
     """
     method = method_for_pair(method, sequence, k)
     m = measure(sequence.image(k), sequence.image(k + 1), method, texture, pixels, signals)
-    column, row = np.rint(m.pixels).astype(int).T
-    truth = sequence.flow(k)[row, column]
-    known = np.isfinite(truth).all(axis=1)
+    truth = sample_flow(sequence.flow(k), m.pixels)
+    known = np.asarray(np.isfinite(truth).all(axis=1))
     height, width = sequence.image(k).shape
     end = m.pixels + truth
     with np.errstate(invalid="ignore"):
