@@ -1,4 +1,4 @@
-"""Ego-motion with known depth: speed, consistency, the paper's Table II and Figure 7, real depth.
+"""Ego-motion with known depth: speed, consistency, the paper's Table II and Figure 7, hovering, real depth.
 
     python benchmarks/egomotion.py --out RUN --cache CACHE [--data DATA] [--quick] [--only speed table ...]
 
@@ -15,6 +15,7 @@ from pathlib import Path
 
 from egomotion_consistency import consistency_part
 from egomotion_flights import FRAMES, WORLD_SEEDS
+from egomotion_hover import hover
 from egomotion_real import real_part
 from egomotion_speed import chains, estimation
 from egomotion_table import table
@@ -22,7 +23,7 @@ from egomotion_variants import METHODS
 from flowlik.progress import terminal_progress
 from flowlik.runs import RunFolder
 
-PARTS = ("speed", "consistency", "table", "real")
+PARTS = ("speed", "consistency", "table", "hover", "real")
 
 
 def main() -> None:
@@ -58,6 +59,8 @@ def main() -> None:
             run, options.cache, methods, frames, worlds, sensors, terminal_progress,
             tuple(options.trajectories),
         )  # fmt: skip
+    if "hover" in options.only:
+        hover(run, options.cache, methods, 30 if quick else 120, terminal_progress)
     if "real" in options.only and options.data is not None:
         run.records += real_part(options.data, options.cache, methods, terminal_progress)
     print(f"\nreport: {run.finish()}", file=sys.stderr)

@@ -249,10 +249,12 @@ def test_one_pass_gives_the_equations_of_the_linearised_errors(widened):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9 * np.abs(b).max())
 
 
-def test_measurements_outside_the_depth_map_are_refused():
+@pytest.mark.parametrize("as_map", [False, True])
+@pytest.mark.parametrize("shift", [CAMERA.width, -CAMERA.width, np.nan])
+def test_measurements_outside_the_image_are_refused(as_map, shift):
     scene = make_scene(random_motion(np.random.default_rng(21)), np.random.default_rng(21), n=20)
     m = scene.measurements
-    beside = dataclasses.replace(m, pixels=m.pixels + np.array([CAMERA.width, 0]))
-    depth = np.full((CAMERA.height, CAMERA.width), 3.0)
-    with pytest.raises(DataError, match="20 measurements lie outside the depth map"):
+    beside = dataclasses.replace(m, pixels=m.pixels + np.array([shift, 0]))
+    depth = np.full((CAMERA.height, CAMERA.width) if as_map else 20, 3.0)
+    with pytest.raises(DataError, match="20 measurements lie outside the image of 640x480"):
         KnownDepth.of(beside, CAMERA, depth)

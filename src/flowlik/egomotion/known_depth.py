@@ -39,18 +39,18 @@ class KnownDepth:
         Raises
         ------
         DataError
-            If the depth map's size is not the camera's, or measurements lie outside it.
+            If the depth map's size is not the camera's, or measurements lie outside the camera's image.
         """
+        size = f"{camera.width}x{camera.height}"
+        column, row = np.rint(measurements.pixels).T
+        inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
+        if not inside.all():
+            raise DataError(
+                f"{int((~inside).sum())} measurements lie outside the image of {size}: another camera's?"
+            )
         if depth_z.ndim == 2:
             if depth_z.shape != (camera.height, camera.width):
-                size = f"{camera.width}x{camera.height}"
                 raise DataError(f"depth map of {depth_z.shape[1]}x{depth_z.shape[0]} for a camera of {size}")
-            column, row = np.rint(measurements.pixels).astype(int).T
-            inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
-            if not inside.all():
-                raise DataError(
-                    f"{int((~inside).sum())} measurements lie outside the depth map: another camera's?"
-                )
             inverse_z = sample_inverse_depth(depth_z, measurements.pixels)
         elif depth_z.shape != (len(measurements),):
             raise DataError(f"{len(measurements)} measurements, but depths of shape {depth_z.shape}")
