@@ -135,8 +135,8 @@ def records_of(
             "ks_median": ks.median,
             "ks_max": ks.maximum,
             **{f"coverage_{c * 100:.0f}": coverage(merged, model, c) for c in CONFIDENCES},
-            "coverage_90_lowest_level": float(by_level.min(initial=1.0)),
-            "coverage_90_highest_level": float(by_level.max(initial=0.0)),
+            "coverage_90_lowest_level": float(by_level.min()) if by_level.size else None,
+            "coverage_90_highest_level": float(by_level.max()) if by_level.size else None,
             "outside_fraction": outside_range(merged, model),
         }
         note = protocol(
@@ -159,11 +159,14 @@ def records_of(
                 0,
                 note,
             )
+        counted = (
+            f"({by_level.min():.3f} … {by_level.max():.3f})  K-S {ks.median:.3f} max {ks.maximum:.3f}"
+            if by_level.size
+            else "(no level has enough components)"
+        )
         print(
             f"{method:<16} {dataset:<24} {schedule:<9} {family:<12} nll {figures['nll']:7.3f}  "
-            f"K-S {ks.median:.3f} "
-            f"max {ks.maximum:.3f}  90 %: {figures['coverage_90']:.3f} "
-            f"({figures['coverage_90_lowest_level']:.3f} … {figures['coverage_90_highest_level']:.3f})",
+            f"90 %: {figures['coverage_90']:.3f} {counted}",
             flush=True,
         )
 
