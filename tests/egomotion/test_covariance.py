@@ -22,7 +22,10 @@ def weights(own, image, **gaussians):
 
 
 CORRELATION = ScoreCorrelation(
-    SCALES, weights(0.5, 0.0, g8=0.3, g64=0.18), weights(0.0, 0.02, g16=0.3, g128=0.1)
+    SCALES,
+    weights(0.5, 0.0, g8=0.3, g64=0.1),
+    weights(0.0, 0.02, g16=0.3, g128=0.1),
+    weights(0.0, 0.05, g32=0.03),
 )
 
 
@@ -54,9 +57,9 @@ def test_variability_is_the_sum_over_pairs_of_components(kind):
     fisher, e = MODEL.fisher(x), residual.directions(T)
     of = np.repeat(np.arange(len(m)), residual.components_per_vector)
     distance = np.linalg.norm(m.pixels[of][:, None] - m.pixels[of][None], axis=-1)
-    rho, rho_flow = CORRELATION.at(distance)
+    rho, rho_flow, rho_v = CORRELATION.at(distance)
     along = np.einsum("ci,ci->c", flow_directions(m.flow)[of], e)
-    pairs = rho * (e @ e.T) + rho_flow * np.outer(along, along)
+    pairs = rho * (e @ e.T) + rho_flow * np.outer(along, along) + rho_v * np.outer(e[:, 1], e[:, 1])
     root = np.sqrt(fisher)[:, None] * J
     expected = root.T @ pairs @ root
     found = score_covariance(m, e, J, fisher, CORRELATION)
@@ -67,7 +70,7 @@ def test_variability_is_the_sum_over_pairs_of_components(kind):
 def test_uncorrelated_scores_give_the_plain_covariance():
     residual = scene_of(2).known_depth
     plain = mle(MODEL).estimate(residual)
-    independent = lcm_likelihood(correlation=ScoreCorrelation(SCALES, weights(1, 0), weights(0, 0)))
+    independent = lcm_likelihood(correlation=ScoreCorrelation(SCALES, weights(1, 0), *2 * [weights(0, 0)]))
     result = mle(independent).estimate(residual)
     np.testing.assert_allclose(result.covariance, plain.covariance, rtol=1e-9)
     np.testing.assert_allclose(plain.covariance @ plain.information, np.eye(6), atol=1e-6)
@@ -99,7 +102,7 @@ def test_correlated_errors_are_covered_by_the_calibrated_covariance():
     correlation = fit_correlation(sums)
     d = np.array([0.0, 30.0, 64.0, 100.0, 300.0])
     expected = np.where(d == 0, 1.0, np.exp(-(d**2) / (2 * 64.0**2)) / 3)
-    np.testing.assert_allclose(correlation.at(d), [expected, np.zeros(5)], atol=0.05)
+    np.testing.assert_allclose(correlation.at(d), [expected, np.zeros(5), np.zeros(5)], atol=0.05)
     model = replace(GAUSSIAN, correlation=correlation)
     for estimator in (mle(model), lcmsac(model)):
         plain, honest = [], []
@@ -156,10 +159,10 @@ def scored(seed):
 
 def test_an_impossible_correlation_is_refused():
     with pytest.raises(ModelError, match="at least 0"):
-        ScoreCorrelation(SCALES, weights(1, -0.1), weights(1, 0))
+        ScoreCorrelation(SCALES, weights(1, -0.1), weights(1, 0), weights(0, 0))
     with pytest.raises(ModelError, match="9 weights"):
-        ScoreCorrelation(SCALES, np.ones(3), weights(1, 0))
-    with pytest.raises(ModelError, match="scale_px, isotropic and along"):
+        ScoreCorrelation(SCALES, np.ones(3), weights(1, 0), weights(0, 0))
+    with pytest.raises(ModelError, match="scale_px, isotropic, along, vertical"):
         ScoreCorrelation.of_values({"scale_px": [1.0]})
     again = ScoreCorrelation.of_values(CORRELATION.values())
     np.testing.assert_array_equal(again.at(np.arange(50.0)), CORRELATION.at(np.arange(50.0)))

@@ -62,8 +62,10 @@ def score_covariance(
     """
     G = _whitened(directions, fisher, J, flow_directions(m.flow))
     B = np.zeros((6, 6))
-    # scores along u and v, and along the flow, as functions of the tangent
-    for scores, weights in ((G[:, :2], correlation.isotropic), (G[:, 2:], correlation.along)):
+    # scores along u and v, along the flow, and along v, as functions of the tangent
+    for scores, weights in (
+        (G[:, :2], correlation.isotropic), (G[:, 2:], correlation.along), (G[:, 1:2], correlation.vertical),
+    ):  # fmt: skip
         flat, whole = scores.reshape(-1, 6), scores.sum(axis=0)
         B += weights[0] * (flat.T @ flat) + weights[-1] * (whole.T @ whole)
         for scale, weight in zip(correlation.scales_px, weights[1:-1]):
