@@ -14,7 +14,7 @@ from flowlik.covariates import of_components
 from flowlik.datasets.base import true_flow
 from flowlik.files import read_json, write_json
 from flowlik.flow import Farneback
-from flowlik.measurements import measure, stratified_pixels
+from flowlik.measurements import attach_texture, stratified_pixels
 from flowlik.motion import relative_motion
 from flowlik.progress import Progress
 from flowlik.records import Record, protocol
@@ -116,7 +116,7 @@ def description(sequence: Exposed, pairs: int = 30) -> list[Record]:
         flows.append(flow[np.isfinite(flow)])
         image = sequence.image(k)
         pixels = stratified_pixels(image.shape, 4000, np.random.default_rng(int(k)))
-        m = measure(image, image, Farneback(), pixels=pixels)
+        m = attach_texture(image, pixels, np.zeros_like(pixels), Farneback())
         textures.append(of_components("texture", m).ravel())
         edges.append(_near_depth_edge(sequence.depth(k)))
     found = {
