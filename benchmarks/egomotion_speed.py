@@ -11,6 +11,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from calibration_plan import REPORT
 from egomotion_variants import RADIUS_PX, label, residuals_of_flight, translation_error, variants
@@ -139,13 +140,16 @@ def _spoilt(residual: KnownDepth, share: float, rng: np.random.Generator) -> Kno
     return KnownDepth(replace(m, flow=flow), residual.camera, residual.rho)
 
 
-def _plain_opencv(residual: KnownDepth) -> None:
+def _plain_opencv(residual: KnownDepth) -> RigidTransform | None:
     m = residual.measurements
     points = residual.camera.p2v(m.pixels) / residual.rho[:, None]
-    cv2.solvePnPRansac(
+    found, rotation, translation, _ = cv2.solvePnPRansac(
         points, m.pixels + m.flow, residual.camera.K, None, iterationsCount=CAP, reprojectionError=RADIUS_PX,
         confidence=0.99,
     )  # fmt: skip
+    if not found:
+        return None
+    return RigidTransform.from_components(translation.ravel(), Rotation.from_rotvec(rotation.ravel()))
 
 
 def chains(cache: Path, repeats: int) -> Iterator[Record]:

@@ -117,6 +117,39 @@ def test_correlated_errors_are_covered_by_the_calibrated_covariance():
         assert (4.8 if estimator.refine_all else 3.0) < np.mean(honest) < 7.5
 
 
+def leaning_scene(rng, n=400):
+    """Gaussian errors of which a tenth of the variance is one shift of the whole image up or down."""
+    T = random_motion(rng)
+    scene = make_scene(T, rng, n=n)
+    m = scene.measurements
+    shift = np.array([0.0, np.sqrt(0.1) * rng.standard_normal()])
+    error = 0.3 * (rng.standard_normal((n, 2)) * np.sqrt([1.0, 0.9]) + shift)
+    measured = replace(m, flow=m.flow + error)
+    z = np.einsum("nij,ni->nj", m.R_i_e, error)
+    return T, measured, z, KnownDepth.of(measured, CAMERA, scene.depth)
+
+
+def test_errors_shared_down_the_image_are_covered():
+    rng = np.random.default_rng(7)
+    sums = ScoreProducts.empty()
+    for _ in range(200):
+        _, m, z, _ = leaning_scene(rng)
+        sums = sums.merge(ScoreProducts.of(GAUSSIAN, m, z))
+    assert sums.norm[0] == pytest.approx(200)  # every image pair alike
+    correlation = fit_correlation(sums)
+    np.testing.assert_allclose(correlation.at(np.array([100.0, 300.0]))[2], 0.1, atol=0.03)
+    model = mle(replace(GAUSSIAN, correlation=correlation))
+    plain, honest = [], []
+    for _ in range(60):
+        T, _, _, residual = leaning_scene(rng)
+        result = model.estimate(residual)
+        xi = tangent_error(result.T_k_prev, T)
+        plain.append(xi @ result.information @ xi)
+        honest.append(xi @ np.linalg.solve(result.covariance, xi))
+    assert np.mean(plain) > 12
+    assert 4.5 < np.mean(honest) < 7.5
+
+
 def test_the_cut_information_is_a_sensitivity_and_a_variance():
     x = np.array([0.0, 3.0, 6.0])
     b = MODEL.bound(x, 0.9)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numba import njit
 
@@ -11,6 +13,7 @@ from flowlik.measurements import Measurements
 
 # two cubic B-splines on a grid of this spacing, in units of the scale, overlap like a Gaussian of it
 SPACING = float(np.sqrt(1.5))
+LEAST_CURVATURE = 0.05
 
 
 def sandwich(information: Array, variability: Array, basis: Array) -> Array:
@@ -27,6 +30,38 @@ def sandwich(information: Array, variability: Array, basis: Array) -> Array:
     """
     inverse = basis @ np.linalg.inv(basis.T @ information @ basis) @ basis.T
     return inverse @ variability @ inverse
+
+
+def observed_sensitivity(
+    gradient: Callable[[Array], Array], expected: Array, covariance: Array, basis: Array
+) -> Array:
+    """Sensitivity A (6, 6) of the total score as this frame has it, over a standard deviation either way.
+
+    The Fisher information is that of a density that holds. Where errors are wider than it says, the score
+    changes more slowly with the motion, and a frame tells so itself.
+
+    Parameters
+    ----------
+    gradient : callable
+        Total score (6,) after a step (6,) along the tangent.
+    expected : array (6, 6)
+        Fisher information, by which curvatures are measured: none is taken for less than a twentieth of it.
+    covariance : array (6, 6)
+        Of the motion's error, at first: its principal axes are the steps.
+    basis : array (6, D)
+        Observable directions, orthonormal.
+    """
+    C = basis.T @ covariance @ basis
+    sigma = np.sqrt(np.diag(C))
+    values, vectors = np.linalg.eigh(C / np.outer(sigma, sigma))
+    steps = sigma[:, None] * vectors * np.sqrt(np.maximum(values, 1e-12))
+    falls = [0.5 * basis.T @ (gradient(-basis @ step) - gradient(basis @ step)) for step in steps.T]
+    A = np.stack(falls, axis=1) @ np.linalg.inv(steps)
+    root = np.linalg.cholesky(basis.T @ expected @ basis)
+    relative = np.linalg.solve(root, np.linalg.solve(root, 0.5 * (A + A.T)).T)
+    values, vectors = np.linalg.eigh(relative)
+    half = basis @ root @ vectors * np.sqrt(np.maximum(values, LEAST_CURVATURE))
+    return half @ half.T
 
 
 def temperature(information: Array, variability: Array) -> float:

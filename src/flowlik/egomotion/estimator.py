@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.camera import Array
-from flowlik.egomotion.covariance import sandwich, score_covariance, temperature
+from flowlik.egomotion._kernels import retract
+from flowlik.egomotion.covariance import observed_sensitivity, sandwich, score_covariance, temperature
 from flowlik.egomotion.maximise import maximise, transform
 from flowlik.egomotion.posterior import GaussianPrior, Tempered
-from flowlik.egomotion.residual import Residual
+from flowlik.egomotion.residual import Chosen, Residual, draw_samples
 from flowlik.egomotion.result import EgoMotion, Status, conditioned, unsolved
 from flowlik.errors import DataError
 from flowlik.likelihood import FlowLikelihood
@@ -112,11 +113,13 @@ class Estimator:
         used = residual.kept_components(kept)
         T, log_prob = self._refine(residual, found, used)
         A, B = self._variability(residual, T, used)
+        S = self._sensitivity(residual, T, used, A, B)
         if prior is not None:
-            belief = Tempered(prior, temperature(A, B))
+            belief = Tempered(prior, temperature(S, B))
             T, log_prob = maximise(
                 residual, self.likelihood, T, self._entering(residual, T, used), prior=belief
             )
+            S, _ = belief.posterior(S, B)
             A, B = belief.posterior(A, B)
         inliers = self._inliers(residual, T, used)
         x = residual.coordinates(T, self.likelihood.schedule.index)
@@ -133,7 +136,7 @@ class Estimator:
         return EgoMotion(
             T_k_prev=transform(residual.normalise(T)),
             information=A,
-            covariance=sandwich(A, B, residual.basis(T)) if determined else np.full((6, 6), np.nan),
+            covariance=sandwich(S, B, residual.basis(T)) if determined else np.full((6, 6), np.nan),
             status=status,
             reason=reason,
             scale_known=residual.metric,
@@ -185,6 +188,24 @@ class Estimator:
         directions = residual.directions(T)
         return A, score_covariance(residual.measurements, directions, J, fisher, self.likelihood.correlation)
 
+    def _sensitivity(
+        self, residual: Residual, T: Array, used: NDArray[np.bool_], A: Array, B: Array
+    ) -> Array:
+        """Observed sensitivity (6, 6); A where correlations or a direction are unknown."""
+        basis = residual.basis(T)
+        if self.likelihood.correlation is None or conditioned(basis, A)[0] is not Status.SOLVED:
+            return A
+        x, tables = residual.coordinates(T, self.likelihood.schedule.index), self.likelihood.compiled
+        rows, fisher = tables.rows(x), self.likelihood.fisher(x)
+
+        def gradient(step: Array) -> Array:
+            moved = residual.normalise(retract(T, step))
+            return residual.equations(
+                moved, Chosen(self._entering(residual, moved, used), rows, fisher, tables)
+            ).b
+
+        return observed_sensitivity(gradient, A, sandwich(A, B, basis), basis)
+
     def _count(self, residual: Residual, inliers: NDArray[np.bool_]) -> int:
         """Number of inliers in the estimator's own unit."""
         if self.radius_px is None:
@@ -231,7 +252,7 @@ class Estimator:
             best_score, needed = self._count(residual, inliers), draws(inliers)
         while drawn < needed:
             batch = BATCH if drawn else FIRST_BATCH
-            samples = _draw(weights, min(batch, needed - drawn), residual.minimal, rng)
+            samples = draw_samples(weights, min(batch, needed - drawn), residual.minimal, rng)
             drawn += len(samples)
             hypotheses = residual.propose(samples, begin)
             if not len(hypotheses):
@@ -271,28 +292,3 @@ class Estimator:
             if T is before:
                 break
         return maximise(residual, self.likelihood, T, used) if self.refine_all else (T, log_prob)
-
-
-def ransac(radius_px: float = 0.5, gate: float | None = None) -> Estimator:
-    """RANSAC with a Gaussian: vectors within a radius, least squares on the inliers."""
-    return Estimator("ransac", FlowLikelihood.constant_gaussian(radius_px), radius_px=radius_px, gate=gate)
-
-
-def lcmsac(likelihood: FlowLikelihood, confidence: float = 0.90, gate: float | None = None) -> Estimator:
-    """Sampling consensus by component within the likelihood's own region (paper, Sec. II-G)."""
-    return Estimator("lcmsac", likelihood, confidence=confidence, gate=gate)
-
-
-def mle(likelihood: FlowLikelihood, confidence: float = 0.90, gate: float | None = None) -> Estimator:
-    """Maximum likelihood over all components, started from sampling consensus."""
-    return Estimator("mle", likelihood, confidence=confidence, gate=gate, refine_all=True)
-
-
-def _draw(weights: Array, count: int, size: int, rng: np.random.Generator) -> NDArray[np.intp]:
-    """Samples (K, size) of distinct vectors, K <= count: those that repeat a vector are dropped."""
-    cumulated = np.cumsum(weights)
-    drawn = np.searchsorted(cumulated, rng.random((count, size)) * cumulated[-1], side="right")
-    drawn = np.sort(np.minimum(drawn, len(weights) - 1), axis=1)
-    distinct = drawn[(np.diff(drawn, axis=1) > 0).all(axis=1)]
-    # a handful of vectors rarely gives a distinct draw
-    return distinct if len(distinct) else rng.permutation(len(weights))[None, :size]

@@ -144,3 +144,13 @@ def count_inliers(kernel: Callable[..., None], inputs: tuple[Any, ...], hypothes
     counts = np.zeros(hypotheses, np.int64)
     in_bands(lambda first, last: kernel(*inputs, first, last, counts), hypotheses, SCORED_TOGETHER)
     return counts
+
+
+def draw_samples(weights: Array, count: int, size: int, rng: np.random.Generator) -> NDArray[np.intp]:
+    """Samples (K, size) of distinct vectors, K <= count: those that repeat a vector are dropped."""
+    cumulated = np.cumsum(weights)
+    drawn = np.searchsorted(cumulated, rng.random((count, size)) * cumulated[-1], side="right")
+    drawn = np.sort(np.minimum(drawn, len(weights) - 1), axis=1)
+    distinct = drawn[(np.diff(drawn, axis=1) > 0).all(axis=1)]
+    # a handful of vectors rarely gives a distinct draw
+    return distinct if len(distinct) else rng.permutation(len(weights))[None, :size]
