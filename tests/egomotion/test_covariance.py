@@ -67,16 +67,48 @@ def test_variability_is_the_sum_over_pairs_of_components(kind):
     np.testing.assert_allclose(found / scale, expected / scale, atol=0.03)
 
 
-def test_uncorrelated_scores_give_the_plain_covariance():
+INDEPENDENT = ScoreCorrelation(SCALES, weights(1, 0), *2 * [weights(0, 0)])
+
+
+def test_uncorrelated_scores_vary_by_their_information():
     residual = scene_of(2).known_depth
     plain = mle(MODEL).estimate(residual)
-    independent = lcm_likelihood(correlation=ScoreCorrelation(SCALES, weights(1, 0), *2 * [weights(0, 0)]))
-    result = mle(independent).estimate(residual)
-    np.testing.assert_allclose(result.covariance, plain.covariance, rtol=1e-9)
     np.testing.assert_allclose(plain.covariance @ plain.information, np.eye(6), atol=1e-6)
+    T = plain.T_k_prev.as_matrix()[:3]
+    _, J = residual.linearise(T)
+    fisher = MODEL.fisher(residual.coordinates(T, MODEL.schedule.index))
+    B = score_covariance(residual.measurements, residual.directions(T), J, fisher, INDEPENDENT)
+    np.testing.assert_allclose(B, plain.information, rtol=1e-9)
 
 
 GAUSSIAN = FlowLikelihood.constant_gaussian(0.3)
+
+
+@pytest.mark.parametrize("kind", ["known_depth", "epipolar"])
+def test_observed_sensitivity_is_the_information_where_the_density_holds(kind):
+    rng = np.random.default_rng(3)
+    residual = getattr(make_scene(random_motion(rng), rng, n=500, likelihood=GAUSSIAN), kind)
+    result = mle(replace(GAUSSIAN, correlation=INDEPENDENT)).estimate(residual)
+    basis = residual.basis(result.T_k_prev.as_matrix()[:3])
+    found = np.linalg.inv(basis.T @ result.covariance @ basis)
+    expected = basis.T @ result.information @ basis
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    np.testing.assert_allclose(found / scale, expected / scale, atol=0.05)
+
+
+def test_a_frame_of_wider_errors_tells_so_itself():
+    rng, plain, honest = np.random.default_rng(5), [], []
+    model = mle(replace(MODEL, correlation=INDEPENDENT))
+    for seed in range(30):
+        scene = make_scene(random_motion(rng), rng, n=800, likelihood=MODEL)
+        m = scene.measurements
+        true = h(scene.T, CAMERA, m.pixels, inverse_range(CAMERA, m.pixels, scene.depth))
+        wider = replace(m, flow=true + 3.0 * (m.flow - true))
+        result = model.estimate(KnownDepth.of(wider, CAMERA, scene.depth), seed=seed)
+        xi = tangent_error(result.T_k_prev, scene.T)
+        plain.append(xi @ result.information @ xi)
+        honest.append(xi @ np.linalg.solve(result.covariance, xi))
+    assert np.mean(honest) < 0.5 * np.mean(plain)
 
 
 def correlated_scene(rng, n=800):
