@@ -157,7 +157,8 @@ def with_interval(
     errors: list[np.ndarray], statistic: Callable[[np.ndarray], float]
 ) -> tuple[float, float, float]:
     """Statistic of the pooled errors, and its 95 % interval over blocks of neighbouring frames."""
-    blocks = [b for e in errors for b in np.array_split(e, max(len(e) // BLOCK, 1))]
+    # short runs in five blocks at least
+    blocks = [b for e in errors for b in np.array_split(e, max(len(e) // BLOCK, min(len(e), 5)))]
     rng = np.random.default_rng(0)
     draws = [
         statistic(np.concatenate([blocks[i] for i in rng.integers(len(blocks), size=len(blocks))]))

@@ -114,6 +114,31 @@ def equations_depth(T, directions, rho, ends, R_i_e, camera, rows, fisher, used,
     return H, b, total, lost
 
 
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+def total_score_depth(T, directions, rho, ends, R_i_e, camera, rows, used, bounds, weight):  # type: ignore[no-untyped-def]
+    """Gradient b (6,) of `equations_depth` alone, of the components within bounds (2N,)."""
+    b, J, last_row = np.zeros(6), np.empty((2, 6)), weight.shape[0] - 2
+    for n in range(len(rho)):
+        if used[2 * n] == 0 and used[2 * n + 1] == 0:
+            continue
+        u, v, valid = _depth_rows(T, directions[n], rho[n], ends[n], camera, J)
+        if not valid:
+            continue
+        gu = gv = 0.0
+        for c in (2 * n, 2 * n + 1):
+            p, q = R_i_e[n, 0, c - 2 * n], R_i_e[n, 1, c - 2 * n]
+            z = p * u + q * v
+            if used[c] == 0 or abs(z) > bounds[c]:
+                continue
+            i, (j, f) = min(int(rows[c]), last_row), magnitude_position(abs(z))
+            wz = bilinear(weight, i, rows[c] - i, j, f) * z
+            gu += wz * p
+            gv += wz * q
+        for i in range(6):
+            b[i] -= gu * J[0, i] + gv * J[1, i]
+    return b
+
+
 @njit(cache=True, nogil=True)
 def score_depth(hypotheses, directions, rho, ends, R_i_e, camera, bounds, by_vector, first, last, counts):  # type: ignore[no-untyped-def]
     """Inliers of each hypothesis (K, 3, 4): components within bounds (N, 2), or vectors within bounds[:, 0].

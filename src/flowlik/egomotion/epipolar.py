@@ -75,6 +75,12 @@ class Epipolar:
         """Normal equations of the chosen components."""
         return equations_of(*self.linearise(T), chosen, widened)
 
+    def total_score(self, T: Array, chosen: Chosen, bounds: Array) -> Array:
+        """Gradient of the log-density of the chosen components within their bounds."""
+        z, J = self.linearise(T)
+        within = chosen._replace(used=chosen.used & (np.abs(z) <= bounds))
+        return equations_of(z, J, within, 1.0).b
+
     def directions(self, T: Array) -> Array:
         """Normals (N, 2) of the epipolar lines."""
         _, normal, _ = _kernels.linearise_epipolar(T, *self._rays, self._focal)

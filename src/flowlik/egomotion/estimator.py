@@ -196,13 +196,11 @@ class Estimator:
         if self.likelihood.correlation is None or conditioned(basis, A)[0] is not Status.SOLVED:
             return A
         x, tables = residual.coordinates(T, self.likelihood.schedule.index), self.likelihood.compiled
-        rows, fisher = tables.rows(x), self.likelihood.fisher(x)
+        held = Chosen(used, tables.rows(x), self.likelihood.fisher(x), tables)
+        bounds = np.full(len(x), np.inf) if self.refine_all else self._bound(x)
 
         def gradient(step: Array) -> Array:
-            moved = residual.normalise(retract(T, step))
-            return residual.equations(
-                moved, Chosen(self._entering(residual, moved, used), rows, fisher, tables)
-            ).b
+            return residual.total_score(residual.normalise(retract(T, step)), held, bounds)
 
         return observed_sensitivity(gradient, A, sandwich(A, B, basis), basis)
 

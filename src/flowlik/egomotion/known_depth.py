@@ -101,6 +101,13 @@ class KnownDepth:
             )
         )  # fmt: skip
 
+    def total_score(self, T: Array, chosen: Chosen, bounds: Array) -> Array:
+        """Gradient of the log-density of the chosen components within their bounds."""
+        b: Array = _kernels.total_score_depth(
+            T, *self._points, self._camera, chosen.rows, chosen.used, bounds, chosen.tables.weight
+        )
+        return b
+
     def directions(self, T: Array) -> Array:
         """Eigenvectors (2N, 2), the same at every motion."""
         return np.swapaxes(self.measurements.R_i_e, 1, 2).reshape(-1, 2)

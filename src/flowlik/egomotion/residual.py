@@ -83,6 +83,10 @@ class Residual(Protocol):
         """Normal equations of the chosen components, errors taken to be `widened` times as wide."""
         ...
 
+    def total_score(self, T: Array, chosen: Chosen, bounds: Array) -> Array:
+        """Gradient (6,) of the log-density of the chosen components within their bounds (C,) [px]."""
+        ...
+
     def directions(self, T: Array) -> Array:
         """Unit vectors (C, 2) in {i} along which the errors are, those of one vector side by side."""
         ...
