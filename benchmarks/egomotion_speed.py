@@ -30,7 +30,12 @@ FLIGHT = REPORT["other seed, 6 m/s"]
 CAP = 200
 INLIER_SHARES = (0.9, 0.7, 0.5)
 OUTLIER_PX = 20.0
-STAGES = {"sample, propose, score": "_consensus", "refine": "_refine", "covariance": "_variability"}
+STAGES = {
+    "sample, propose, score": "_consensus",
+    "refine": "_refine",
+    "variability": "_variability",
+    "sensitivity": "_sensitivity",
+}
 
 Timed = dict[str, Callable[[], object]]
 
