@@ -28,11 +28,12 @@ from flowlik.evaluation.split_half import (
     halves,
     rotation_noise_mdeg,
 )
+from flowlik.features import features_of, measure_features
 from flowlik.flow import flow_method
 from flowlik.likelihood import FlowLikelihood
 from flowlik.measurements import Measurements
 from flowlik.model_file import load_likelihood
-from flowlik.odometry import Odometry, features_of, measure_features, scaled, true_move
+from flowlik.odometry import Odometry, scaled, true_move
 from flowlik.progress import Progress, no_progress
 from flowlik.records import Record, protocol
 from flowlik.runs import RunFolder
