@@ -9,6 +9,7 @@ from flowlik.evaluation.split_half import (
     half_distances,
     halves,
     rotation_noise_mdeg,
+    truth_distances,
 )
 from flowlik.motion import exp_se3
 
@@ -40,17 +41,17 @@ def test_the_noise_is_that_of_all_measurements_together():
 
 def test_a_right_covariance_covers_the_differences():
     rng = np.random.default_rng(1)
-    sigma = np.array([1e-4, 2e-4, 3e-4, 1e-3, 2e-3])
+    sigma, ahead = np.array([2e-3, 2e-3, 3e-3, 1e-3, 2e-3]), RigidTransform.from_translation([0, 0, 1.0])
     information = np.diag(np.append(1 / sigma**2, 0.0))
 
     def estimate():
-        xi = sigma * rng.standard_normal(5)
-        t = np.append(xi[3:], 1.0)
-        T = exp_se3(np.append(xi[:3], np.zeros(3)))
-        T = RigidTransform.from_components(t / np.linalg.norm(t), T.rotation)
+        T = exp_se3(np.append(sigma * rng.standard_normal(5), 0.0)) * ahead
+        T = RigidTransform.from_components(T.translation / np.linalg.norm(T.translation), T.rotation)
         return EgoMotion(T, information, np.linalg.pinv(information), Status.SOLVED)
 
     first, second = ([estimate() for _ in range(600)] for _ in range(2))
+    from_truth = truth_distances(first, [ahead] * len(first))
+    assert half_coverage(from_truth, 0.9) == pytest.approx(0.9, abs=0.04)
     distances = half_distances(first, second)
     assert distances.mean() == pytest.approx(5, rel=0.1)
     for confidence in (0.5, 0.9, 0.95):

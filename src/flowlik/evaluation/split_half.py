@@ -49,22 +49,39 @@ def half_distances(first: Seq[EgoMotion], second: Seq[EgoMotion]) -> Array:
 
     Their predicted covariance is the sum of the halves' own. Lengths of translation are unit.
     """
-    squared = []
-    for a, b in zip(first, second):
-        t = a.T_k_prev.translation / np.linalg.norm(a.T_k_prev.translation)
-        # rotation, and translation in the plane orthogonal to its direction
-        plane = np.linalg.svd(t[None])[2][1:]
-        basis = np.zeros((6, 5))
-        basis[:3, :3], basis[3:, 3:] = np.eye(3), plane.T
-        change = np.concatenate(
-            [
-                (a.T_k_prev.rotation * b.T_k_prev.rotation.inv()).as_rotvec(),
-                a.T_k_prev.translation - b.T_k_prev.translation,
-            ]
-        )
-        e, C = basis.T @ change, basis.T @ (a.covariance + b.covariance) @ basis
-        squared.append(float(e @ np.linalg.solve(C, e)))
-    return np.array(squared)
+    pairs = zip(first, second)
+    return np.array([_distance(a.T_k_prev, b.T_k_prev, a.covariance + b.covariance) for a, b in pairs])
+
+
+def truth_distances(found: Seq[EgoMotion], truth: Seq[RigidTransform]) -> Array:
+    """Squared Mahalanobis distances (K,) of motions from true ones, of five degrees of freedom.
+
+    Lengths of translation do not count.
+    """
+    return np.array(
+        [_distance(unit(a.T_k_prev), unit(T), unit_covariance(a)) for a, T in zip(found, truth)]
+    )
+
+
+def unit(T_k_prev: RigidTransform) -> RigidTransform:
+    """Motion with a translation of unit length."""
+    t = T_k_prev.translation
+    return RigidTransform.from_components(t / np.linalg.norm(t), T_k_prev.rotation)
+
+
+def unit_covariance(motion: EgoMotion) -> Array:
+    """Covariance (6, 6) of the motion with a translation of unit length."""
+    factor = np.repeat([1.0, float(np.linalg.norm(motion.T_k_prev.translation))], 3)
+    return np.asarray(motion.covariance / np.outer(factor, factor))
+
+
+def _distance(a: RigidTransform, b: RigidTransform, covariance: Array) -> float:
+    """Squared distance along the left tangent: rotation, and translation orthogonal to its direction."""
+    plane = np.linalg.svd(a.translation[None])[2][1:]
+    basis = np.zeros((6, 5))
+    basis[:3, :3], basis[3:, 3:] = np.eye(3), plane.T
+    e, C = basis.T @ (a * b.inv()).as_exp_coords(), basis.T @ covariance @ basis
+    return float(e @ np.linalg.solve(C, e))
 
 
 def half_coverage(distances: Array, confidence: float) -> float:
