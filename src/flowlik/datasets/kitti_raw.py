@@ -19,6 +19,12 @@ from flowlik.trajectory import FRAME_RATE, check_times
 EARTH_RADIUS_M = 6378137.0
 OXTS_COLUMNS = 30
 FOLDERS = {"image_00": "00", "image_02": "02"}
+ODOMETRY_DRIVES = {
+    "00": ("2011_10_03_drive_0027", 4541),
+    "01": ("2011_10_03_drive_0042", 1101),
+    "03": ("2011_09_26_drive_0067", 801),
+}
+"""Drives whose first frames are sequences of the odometry benchmark (by its devkit), and how many."""
 RIGHT = {"00": "01", "02": "03"}
 
 

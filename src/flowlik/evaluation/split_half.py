@@ -44,6 +44,12 @@ def rotation_noise_mdeg(first: RigidTransform, second: RigidTransform) -> float:
     return float(1000 * np.median(np.abs(omega)) / (2 * NORMAL_MEDIAN))
 
 
+def direction_errors_mrad(motions: RigidTransform, truth: RigidTransform) -> Array:
+    """Angles (K,) [mrad] between the directions of motions T_k_prev and of true ones; 180 deg if still."""
+    cosines = np.nan_to_num((_direction(motions) * _direction(truth)).sum(axis=1), nan=-1.0)
+    return np.asarray(1000 * np.arccos(np.clip(cosines, -1.0, 1.0)))
+
+
 def half_distances(first: Seq[EgoMotion], second: Seq[EgoMotion]) -> Array:
     """Squared Mahalanobis distances (K,) between both halves' motions, of five degrees of freedom.
 
@@ -58,9 +64,7 @@ def truth_distances(found: Seq[EgoMotion], truth: Seq[RigidTransform]) -> Array:
 
     Lengths of translation do not count.
     """
-    return np.array(
-        [_distance(unit(a.T_k_prev), unit(T), unit_covariance(a)) for a, T in zip(found, truth)]
-    )
+    return np.array([_distance(unit(a.T_k_prev), unit(T), unit_covariance(a)) for a, T in zip(found, truth)])
 
 
 def unit(T_k_prev: RigidTransform) -> RigidTransform:
@@ -92,4 +96,5 @@ def half_coverage(distances: Array, confidence: float) -> float:
 def _direction(motions: RigidTransform) -> Array:
     """Unit directions (K, 3) from the previous camera's centre to the current one's, in its frame."""
     moves = np.atleast_2d(motions.inv().translation)
-    return np.asarray(moves / np.linalg.norm(moves, axis=1, keepdims=True))
+    lengths = np.linalg.norm(moves, axis=1, keepdims=True)
+    return np.asarray(np.divide(moves, lengths, out=np.full_like(moves, np.nan), where=lengths > 0))
