@@ -29,6 +29,7 @@ CONVERGED_NAT = 1e-3
 HALVINGS = 3
 WORTH_HALVING_NAT = 0.2
 NO_PARALLAX_SHARE = 0.95
+ENOUGH_TELLING = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,13 +210,22 @@ class Estimator:
         index = self.likelihood.schedule.index
         used = residual.kept_components(kept)
         bounds = residual.bounds(self._bound, index, kept)
+        # a vector that lies within several pixels of any motion is no witness of one
+        most_px = residual.counted_px if self.radius_px is None else np.inf
+        telling = ((bounds >= 0) & (bounds <= most_px)).reshape(len(used), -1)
+        if telling.any(axis=1).sum() < ENOUGH_TELLING * residual.minimal:
+            most_px, telling = np.inf, used[:, None]
+        bounds = np.where(bounds <= most_px, bounds, -1.0)
         weights = self._sampling_weights(residual, kept)
         vectors = self.radius_px is not None
-        units = self._count(residual, used)
+        units = self._count(residual, np.asarray(telling.any(axis=1)))
         exponent = residual.minimal * (1 if vectors else residual.components_per_vector)
 
         def inliers_of(T: Array) -> NDArray[np.bool_]:
-            return self._inliers(residual, T, used)
+            inliers = self._inliers(residual, T, used)
+            if most_px < np.inf:
+                inliers &= self._bound(residual.coordinates(T, index)) <= most_px
+            return inliers
 
         def draws(score: int) -> int:
             good = min((score / units) ** exponent, 1 - 1e-12)
