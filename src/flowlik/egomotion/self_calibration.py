@@ -48,9 +48,9 @@ class SelfCalibration:
     """
 
     sigma: tuple[tuple[str, float], ...] = (("cx", 4.0), ("k1", 0.02), ("k2", 0.01))
-    noise: float = 3.0
+    noise: float = 2.0
     persistent: float = 0.3
-    memory: float = 100.0
+    memory: float = 30.0
     drift: float = 1e-6
 
     @property

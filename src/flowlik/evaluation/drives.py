@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 from scipy.spatial.transform import RigidTransform
 
+from flowlik.boresight import Boresight
 from flowlik.datasets.base import Sequence
-from flowlik.egomotion import EgoMotion, Epipolar, Estimator, mle
+from flowlik.egomotion import EgoMotion, Epipolar, Estimator, Status, mle
 from flowlik.egomotion.self_calibration import Intrinsics, SelfCalibration
 from flowlik.errors import DataError
 from flowlik.evaluation.baselines import opencv_essential, poselib_relative
@@ -131,10 +132,12 @@ def run_drive(
         name: Odometry(
             sequence.camera, method, estimator, seed, scale,
             SelfCalibration() if OURS[name]["self_calibrate"] else None,
-            OURS[name]["boresight"] == "causal",
         )
-        for name in OURS if name in names
+        for name in OURS if name in names and name != "boresight"
     }  # fmt: skip
+    if "boresight" in names and "nominal" not in robots:
+        raise DataError("the row boresight turns the motions of the row nominal, which is not asked for")
+    turning = Boresight.none()
     plain = {"boresight": "none", "self_calibrate": False}
     drive = Drive(sequence.name, method.name, truth, estimator, seed)
     drive.rows = {name: Row(dict(OURS.get(name, plain))) for name in names}
@@ -144,10 +147,18 @@ def run_drive(
         drive.measuring_s += time.process_time() - start
         for name, robot in robots.items():
             start = time.process_time()
-            motion = robot.advance(m, reference_m=true_move(sequence, k))
+            motion = robot.advance(m)
             drive.rows[name].seconds += time.process_time() - start
             drive.rows[name].motions.append(motion.T_k_prev)
             drive.rows[name].found.append(motion)
+        if "boresight" in names:
+            # what a boresight turns is what the nominal camera finds: no estimate is made twice
+            found = drive.rows["nominal"].found[-1]
+            turned = replace(found, T_k_prev=turning.applied(found.T_k_prev))
+            drive.rows["boresight"].motions.append(turned.T_k_prev)
+            drive.rows["boresight"].found.append(turned)
+            if found.status is Status.SOLVED:
+                turning = turning.updated(found.T_k_prev, true_move(sequence, k))
         distance = true_distance(sequence, k)
         parts = [Epipolar.of(m.select(part), sequence.camera) for part in halves(m.pixels)]
         if "nominal" in robots and distance > LEAST_STEP_M:
