@@ -23,7 +23,7 @@ from flowlik.likelihood import FlowLikelihood
 from flowlik.measurements import Measurements
 from flowlik.tables import look_up
 
-STEPS = {"f": 0.1, "cx": 0.1, "cy": 0.1, "k1": 1e-4, "k2": 1e-4}
+STEPS = {"f": 0.01, "cx": 0.01, "cy": 0.01, "k1": 1e-5, "k2": 1e-5}
 """Parameters an intrinsics filter may have, and the steps [px, 1] of their finite differences."""
 
 NOTHING_TOLD = 1e-9
@@ -164,12 +164,11 @@ class Intrinsics:
 
     def linearise(self, m: Measurements, T: Array) -> tuple[Array, Array]:
         """Epipolar errors (N,) [px] at the present values, and their Jacobian (N, P) by the parameters."""
-        slopes = []
+        z, slopes = self._errors(m, T, self.values), []
         for i, name in enumerate(self.settings.names):
             step = STEPS[name] * np.eye(len(self.values))[i]
-            ahead, behind = (self._errors(m, T, self.values + s) for s in (step, -step))
-            slopes.append((ahead - behind) / (2 * STEPS[name]))
-        return self._errors(m, T, self.values), np.stack(slopes, axis=-1)
+            slopes.append((self._errors(m, T, self.values + step) - z) / STEPS[name])
+        return z, np.stack(slopes, axis=-1)
 
     def _after(self, H: Array, b: Array) -> Intrinsics:
         """Intrinsics after a frame's information H (P, P) and gradient b (P,)."""
