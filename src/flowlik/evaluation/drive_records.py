@@ -90,6 +90,8 @@ def drive_figures(drive: Drive) -> dict[str, dict[str, Any]]:
             "translation_by_speed": np.stack([rows_[:, 1] for rows_ in by_speed.values()]),
             "rotation_by_speed": np.stack([rows_[:, 2] for rows_ in by_speed.values()]),
         }  # fmt: skip
+    if drive.outliers:
+        figures["outliers"] = drive.outliers
     if drive.intrinsics:
         settings = drive.intrinsics[0].settings
         figures["intrinsics"] = {

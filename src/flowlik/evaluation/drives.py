@@ -5,8 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import cv2
+import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.boresight import Boresight
@@ -25,6 +27,9 @@ from flowlik.odometry import Odometry, scaled, true_move
 from flowlik.progress import Progress, no_progress
 from flowlik.scale import scale_source, true_distance
 from flowlik.trajectory import Trajectory
+
+OUTLIER_CONFIDENCE = 0.99
+KNOWN_PX = 3.0
 
 OURS: dict[str, dict[str, object]] = {
     "nominal": {"boresight": "none", "self_calibrate": False},
@@ -77,6 +82,8 @@ class Drive:
         States after every frame of the self-calibrated row.
     measuring_s : float
         Processor seconds of decoding, features and flow.
+    outliers : dict of str to array
+        The frame with the most vectors that contradict the nominal motion, as the figure takes it.
     """
 
     sequence: str
@@ -87,6 +94,7 @@ class Drive:
     rows: dict[str, Row] = field(default_factory=dict)
     intrinsics: list[Intrinsics] = field(default_factory=list)
     measuring_s: float = 0.0
+    outliers: dict[str, Any] = field(default_factory=dict)
 
 
 def run_drive(
@@ -151,6 +159,8 @@ def run_drive(
             drive.rows[name].seconds += time.process_time() - start
             drive.rows[name].motions.append(motion.T_k_prev)
             drive.rows[name].found.append(motion)
+        if "nominal" in robots:
+            _keep_outliers(drive, m, sequence, k)
         if "boresight" in names:
             # what a boresight turns is what the nominal camera finds: no estimate is made twice
             found = drive.rows["nominal"].found[-1]
@@ -170,9 +180,27 @@ def run_drive(
         for name, solve in BASELINES.items():
             if name in names:
                 _run_baseline(drive.rows[name], solve, Epipolar.of(m, sequence.camera), parts, distance)
+    if drive.outliers:
+        drive.outliers["image"] = sequence.image(drive.outliers.pop("frame"))
     if "self-calibrated" in robots:
         drive.intrinsics = robots["self-calibrated"].intrinsics
     return drive
+
+
+def _keep_outliers(drive: Drive, m: Measurements, sequence: Sequence, k: int) -> None:
+    """Keep the frame if more of its well-known vectors contradict the motion than of any before."""
+    motion, likelihood = drive.rows["nominal"].found[-1], drive.estimator.likelihood
+    if motion.status is not Status.SOLVED:
+        return
+    residual, T = Epipolar.of(m, sequence.camera), motion.T_k_prev.as_matrix()[:3]
+    bound = likelihood.bound(residual.coordinates(T, likelihood.schedule.index), OUTLIER_CONFIDENCE)
+    known = bound < KNOWN_PX
+    inlier = np.abs(residual.linearise(T)[0]) <= bound
+    most = (~drive.outliers["inlier"]).sum() if drive.outliers else -1
+    if (known & ~inlier).sum() > most:
+        drive.outliers = {
+            "frame": k - 1, "pixels": m.pixels[known], "flow": m.flow[known], "inlier": inlier[known],
+        }  # fmt: skip
 
 
 def _run_baseline(
