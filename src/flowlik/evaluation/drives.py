@@ -12,13 +12,14 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.boresight import Boresight
+from flowlik.camera import Array
 from flowlik.datasets.base import Sequence
 from flowlik.egomotion import EgoMotion, Epipolar, Estimator, Status, mle
 from flowlik.egomotion.self_calibration import Intrinsics, SelfCalibration
 from flowlik.errors import DataError
 from flowlik.evaluation.baselines import opencv_essential, poselib_relative
 from flowlik.evaluation.motion_records import true_trajectory
-from flowlik.evaluation.split_half import LEAST_STEP_M, halves
+from flowlik.evaluation.split_half import LEAST_STEP_M, difference_covariance, halves
 from flowlik.features import measure_features
 from flowlik.flow import flow_method
 from flowlik.likelihood import FlowLikelihood
@@ -52,6 +53,7 @@ class Row:
     """One estimator's motions of every frame, those of both halves, and processor seconds of the whole.
 
     ``pairs`` are of frames whose true step is above 0.3 m; motions of halves have unit translations.
+    ``differences`` are the covariances (6, 6) predicted of theirs, where both are solved.
     """
 
     keys: dict[str, object]
@@ -59,6 +61,7 @@ class Row:
     found: list[EgoMotion] = field(default_factory=list)
     pairs: list[tuple[RigidTransform, RigidTransform]] = field(default_factory=list)
     halves: list[tuple[EgoMotion, EgoMotion]] = field(default_factory=list)
+    differences: list[Array] = field(default_factory=list)
     seconds: float = 0.0
 
 
@@ -175,7 +178,9 @@ def run_drive(
             row = drive.rows["nominal"]
             guess = row.found[-1].T_k_prev if row.found[-1].solved else None
             first, second = (estimator.estimate(part, seed, guess) for part in parts)
-            row.halves.append((first, second))
+            if first.solved and second.solved:
+                row.halves.append((first, second))
+                row.differences.append(difference_covariance(likelihood, parts, (first, second)))
             row.pairs.append((first.T_k_prev, second.T_k_prev))
         for name, solve in BASELINES.items():
             if name in names:

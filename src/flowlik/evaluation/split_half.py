@@ -7,6 +7,7 @@ share, as that of wrong intrinsics, does not show here.
 from __future__ import annotations
 
 from collections.abc import Sequence as Seq
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,9 @@ from scipy.spatial.transform import RigidTransform
 from scipy.stats import chi2
 
 from flowlik.camera import Array
-from flowlik.egomotion import EgoMotion
+from flowlik.egomotion import EgoMotion, Epipolar
+from flowlik.egomotion.covariance import score_covariance
+from flowlik.likelihood import FlowLikelihood
 
 TILE_PX = 64
 LEAST_STEP_M = 0.3
@@ -50,13 +53,50 @@ def direction_errors_mrad(motions: RigidTransform, truth: RigidTransform) -> Arr
     return np.asarray(1000 * np.arccos(np.clip(cosines, -1.0, 1.0)))
 
 
-def half_distances(first: Seq[EgoMotion], second: Seq[EgoMotion]) -> Array:
+def half_distances(
+    first: Seq[EgoMotion], second: Seq[EgoMotion], covariances: Seq[Array] | None = None
+) -> Array:
     """Squared Mahalanobis distances (K,) between both halves' motions, of five degrees of freedom.
 
-    Their predicted covariance is the sum of the halves' own. Lengths of translation are unit.
+    Lengths of translation are unit. ``covariances`` are those of the differences (`difference_covariance`);
+    by default the sums of the halves' own, as if the halves shared no errors.
     """
-    pairs = zip(first, second)
-    return np.array([_distance(a.T_k_prev, b.T_k_prev, a.covariance + b.covariance) for a, b in pairs])
+    if covariances is None:
+        covariances = [a.covariance + b.covariance for a, b in zip(first, second)]
+    pairs = zip(first, second, covariances)
+    return np.array([_distance(a.T_k_prev, b.T_k_prev, C) for a, b, C in pairs])
+
+
+def difference_covariance(
+    likelihood: FlowLikelihood, halves_: Seq[Epipolar], motions: Seq[EgoMotion]
+) -> Array:
+    """Covariance (6, 6) of the difference of two halves' motions, which share errors of the whole image.
+
+    The likelihood's correlation of scores is that of all vectors, within a half and across: a score of the
+    first half moves the difference by its own information's inverse, one of the second against it.
+    """
+    effects, fishers, directions = [], [], []
+    for residual, motion, sign in zip(halves_, motions, (1.0, -1.0)):
+        T = motion.T_k_prev.as_matrix()[:3]
+        _, normal, J = residual.linearise_with_normal(T)
+        fisher, basis = (
+            likelihood.fisher(residual.coordinates(T, likelihood.schedule.index)),
+            residual.basis(T),
+        )
+        A = basis.T @ (J.T @ (fisher[:, None] * J)) @ basis
+        effects.append(sign * J @ basis @ np.linalg.inv(A) @ basis.T)
+        fishers.append(fisher)
+        directions.append(normal)
+    effect, fisher = np.concatenate(effects), np.concatenate(fishers)
+    if likelihood.correlation is None:
+        return np.asarray(effect.T @ (fisher[:, None] * effect))
+    first, second = (residual.measurements for residual in halves_)
+    together = replace(
+        first,
+        pixels=np.concatenate([first.pixels, second.pixels]),
+        flow=np.concatenate([first.flow, second.flow]),
+    )
+    return score_covariance(together, np.concatenate(directions), effect, fisher, likelihood.correlation)
 
 
 def truth_distances(found: Seq[EgoMotion], truth: Seq[RigidTransform]) -> Array:
