@@ -9,6 +9,8 @@ a true camera has a variance above 1, since errors of neighbouring vectors are n
 that stays over many frames: flow's own systematic errors, which on a straight road look like another camera.
 Both are in the filter as measured on simulated drives: noise of variance `noise`, and one more state a
 parameter, a first-order Gauss-Markov process of variance `persistent` that forgets within `memory` frames.
+Where images are worse than simulated ones, the filter's own innovations tell by how much: both variances are
+multiplied by the mean of their squares so far.
 """
 
 from __future__ import annotations
@@ -43,6 +45,8 @@ class SelfCalibration:
         Variance of the part that stays.
     memory : float
         Frames within which it is forgotten.
+    trusted : float
+        Frames that the belief in these two variances counts as, against the innovations seen.
     drift : float
         Share of the prior variance that a parameter may change by in a frame.
     """
@@ -51,6 +55,7 @@ class SelfCalibration:
     noise: float = 2.0
     persistent: float = 0.3
     memory: float = 30.0
+    trusted: float = 10.0
     drift: float = 1e-6
 
     @property
@@ -80,6 +85,8 @@ class Intrinsics:
         Covariance of the state.
     frames : int
         Frames they come from.
+    squares : float
+        Sum of the squared innovations of these, each in units of what was expected of it.
     """
 
     nominal: Pinhole
@@ -87,6 +94,7 @@ class Intrinsics:
     state: Array
     joint: Array
     frames: int = 0
+    squares: float = 0.0
 
     @classmethod
     def prior(
@@ -109,6 +117,13 @@ class Intrinsics:
         """Covariance (P, P) of the parameters."""
         count = len(self.settings.sigma)
         return self.joint[:count, :count]
+
+    @property
+    def misfit(self) -> float:
+        """How many times as large as in simulation the variances of gradients are, at least 1."""
+        if not np.isfinite(trusted := self.settings.trusted):
+            return 1.0
+        return max((trusted + self.squares) / (trusted + self.frames), 1.0)
 
     @property
     def camera(self) -> Pinhole:
@@ -175,7 +190,7 @@ class Intrinsics:
         settings, count = self.settings, len(b)
         prior, kept = settings.prior_variances, np.exp(-1 / settings.memory)
         fades = np.concatenate([np.ones(count), np.full(count, kept)])
-        renewed = np.full(count, (1 - kept**2) * settings.persistent)
+        renewed = np.full(count, (1 - kept**2) * settings.persistent * self.misfit)
         state = fades * self.state
         joint = fades[:, None] * self.joint * fades + np.diag(
             np.concatenate([settings.drift * prior, renewed])
@@ -190,11 +205,12 @@ class Intrinsics:
         # u = W (true - present values) + persistent + new noise, in the eigenbasis of the information
         M = np.hstack([W / unit, vectors[:, told].T])
         innovation = u - vectors[:, told].T @ state[count:]
-        gain = joint @ M.T @ np.linalg.inv(M @ joint @ M.T + settings.noise * np.eye(len(u)))
+        known, new = M @ joint @ M.T, settings.noise * np.eye(len(u))
+        square = innovation @ np.linalg.solve(known + new, innovation) / max(len(u), 1)
+        seen = replace(self, frames=self.frames + 1, squares=self.squares + (square if len(u) else 1.0))
+        gain = joint @ M.T @ np.linalg.inv(known + seen.misfit * new)
         joint = joint - gain @ M @ joint
-        return replace(
-            self, state=state + gain @ innovation, joint=0.5 * (joint + joint.T), frames=self.frames + 1
-        )
+        return replace(seen, state=state + gain @ innovation, joint=0.5 * (joint + joint.T))
 
     def _errors(self, m: Measurements, T: Array, values: Array) -> Array:
         """Epipolar errors (N,) in pixels of the images; ideal ones would reward shrinking them."""
