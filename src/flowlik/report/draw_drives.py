@@ -21,10 +21,11 @@ def draw_segment_errors(data: Data) -> Figure:
             ax = axes[row, column]
             for look, errors in zip(looks(data["names"]), data[f"{kind}_by_{axis}"]):
                 ax.plot(data[f"{axis}s"], errors, "o-", color=look.colour, ms=4, lw=1.5, label=look.label)
-            ax.set_ylim(bottom=0)
             if not column:
                 ax.set_ylabel(f"{kind} error  [{unit}]")
         axes[1, column].set_xlabel(label)
+    for ax in axes[:, 0]:
+        ax.set_ylim(bottom=0)
     axes[0, 1].legend(loc="best", fontsize=8)
     return figure
 
