@@ -8,10 +8,11 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.camera import Pinhole
 from flowlik.egomotion import EgoMotion, Status, lcmsac, ransac
 from flowlik.errors import DataError, ModelError
+from flowlik.features import features_of, measure_features
 from flowlik.flow import Farneback, LucasKanade
 from flowlik.flow.base import DenseFlow
 from flowlik.motion import exp_se3, h, inverse_range
-from flowlik.odometry import Odometry, features_of, measure_features, run_odometry, scaled
+from flowlik.odometry import Odometry, run_odometry, scaled
 from flowlik.scale import scale_source, true_distance
 from flowlik.texture import TextureDefinition
 from tests.helpers import lcm_likelihood, textured_image

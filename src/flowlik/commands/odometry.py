@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -12,19 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
+from flowlik.commands.odometry_files import write_frames, write_intrinsics
 from flowlik.datasets import open_sequence
 from flowlik.datasets.base import Sequence
+from flowlik.datasets.selection import Skipped, select_frames
 from flowlik.egomotion import EgoMotion, Estimator, lcmsac, mle, ransac
-from flowlik.egomotion.self_calibration import Intrinsics, SelfCalibration
+from flowlik.egomotion.self_calibration import SelfCalibration
 from flowlik.errors import DataError, MissingFieldError
+from flowlik.evaluation.data_check import agreement, disagreement_warning
 from flowlik.evaluation.drift import relative_pose_errors
 from flowlik.evaluation.evidence import outside_warning
 from flowlik.evaluation.motion_records import status_records, trajectory_records, true_trajectory
-from flowlik.files import atomic_write
+from flowlik.features import features_of
 from flowlik.flow import confirmed_method, describe, flow_method, method_label
 from flowlik.flow.base import FlowMethod
 from flowlik.model_file import load_likelihood
-from flowlik.odometry import Odometry, ResidualKind, features_of, run_odometry
+from flowlik.odometry import Odometry, ResidualKind, run_odometry
 from flowlik.progress import Progress, no_progress
 from flowlik.records import Record, protocol, select
 from flowlik.runs import RunFolder
@@ -53,6 +55,8 @@ def odometry(
     progress: Progress = no_progress,
     camera: str | None = None,
     frames_per_second: float | None = None,
+    start: int = 0,
+    skip_bad_frames: bool = False,
 ) -> RunFolder:
     """Estimate the trajectory of a sequence, and its errors where the data set has poses.
 
@@ -95,6 +99,11 @@ def odometry(
         ``f,cx,cy`` or ``fx,fy,cx,cy`` [px], for data without a camera of its own.
     frames_per_second : float, optional
         Frame rate [Hz], for images without times.
+    start : int
+        First frame; what comes before is not looked at.
+    skip_bad_frames : bool
+        Go on over frames that are missing or unreadable, or whose time does not advance; the report tells
+        which.
 
     Raises
     ------
@@ -106,7 +115,8 @@ def odometry(
         raise DataError(f"unknown scale source {scale!r}: known are {', '.join(SCALES)}")
     if boresight not in ("none", "causal"):
         raise DataError(f"unknown boresight {boresight!r}: known are none, causal")
-    sequence = open_sequence(data, format, camera, frames_per_second)
+    whole = open_sequence(data, format, camera, frames_per_second, skip_bad_frames)
+    sequence, skipped = select_frames(whole, start, frames, skip_bad_frames)
     kind = _residual_kind(sequence, residual)
     source = scale_source(scale, sequence, height_m)
     if kind == "depth":
@@ -117,8 +127,9 @@ def odometry(
         "data": str(data), "model": None if model is None else str(model), "estimator": estimator,
         "residual": kind, "scale": scale, "gate": gate, "frames": frames, "method": describe(flow),
         "camera": camera, "frames_per_second": frames_per_second,
+        "start": start, "skip_bad_frames": skip_bad_frames,
     }  # fmt: skip
-    count = len(sequence) if frames is None else min(frames, len(sequence))
+    count = len(sequence)
     # a pose file that cannot be used is told before the work, not after it
     truth = true_trajectory(sequence, count)
     if boresight == "causal" and truth is None:
@@ -127,10 +138,16 @@ def odometry(
 
     settings = SelfCalibration() if self_calibrate else None
     robot = Odometry(sequence.camera, flow, chosen, seed, source, settings, boresight == "causal")
-    loop = run_odometry(sequence, robot, kind, frames)
-    start = time.perf_counter()
-    motions = list(progress(loop, f"{estimator} on {sequence.name}", count - 1))
-    seconds = time.perf_counter() - start
+    loop = run_odometry(sequence, robot, kind)
+    begin = time.perf_counter()
+    motions, agreements = [], []
+    for motion in progress(loop, f"{estimator} on {sequence.name}", count - 1):
+        motions.append(motion)
+        if truth is not None and robot.last is not None:
+            k = len(motions)
+            T = truth.poses[k].inv() * truth.poses[k - 1]
+            agreements.append(agreement(robot.last.measurements, robot.last.camera, T, motion.T_k_prev))
+    seconds = time.perf_counter() - begin
     if not any(motion.solved for motion in motions):
         reason = motions[0].reason if motions else "there is only one image"
         raise DataError(f"{sequence.name}: no frame could be solved ({reason})")
@@ -138,9 +155,9 @@ def odometry(
     estimated = Trajectory(np.array(robot.timestamps), RigidTransform.concatenate(robot.poses))
     write_kitti(run.begin() / "trajectory_kitti.txt", estimated)
     write_tum(run.path / "trajectory_tum.txt", estimated)
-    _write_frames(run.path / "frames.csv", estimated, motions)
+    write_frames(run.path / "frames.csv", estimated, motions, sequence.frames[1:])
     if robot.intrinsics:
-        write_intrinsics(run.path / "intrinsics.csv", robot.intrinsics)
+        write_intrinsics(run.path / "intrinsics.csv", robot.intrinsics, sequence.frames)
     keys = {
         "residual": kind, "scale": scale, "boresight": boresight, "self_calibrate": self_calibrate,
         "gate": "none" if gate is None else gate, "features": features_of(flow),
@@ -150,6 +167,12 @@ def odometry(
     unsolved = np.array([False, *(not motion.solved for motion in motions)])
     _figures(run, estimated, truth, unsolved, estimator, flow, metric=scale != "none")
     (outside,) = select(run.records, metric="outside_fraction")
+    if skip_bad_frames:
+        run.records.append(_skipped_record(run.records[0], skipped))
+    if message := disagreement_warning(sequence.name, sequence.frames[1:], agreements):
+        run.warn(message)
+    for bad in skipped:
+        run.warn(f"{sequence.name}: frame {bad.frame} skipped: {bad.reason}")
     if message := outside_warning(outside.value or 0.0, sequence.name):
         run.warn(message)
     if predicted := sum(motion.predicted for motion in motions):
@@ -253,32 +276,5 @@ def _figures(
     run.save("trajectories", label, arrays)
 
 
-def _write_frames(path: Path, estimated: Trajectory, motions: list[EgoMotion]) -> None:
-    """One row a frame: status and reason, whether predicted, standard deviations, inliers, losses."""
-    with atomic_write(path) as file:
-        writer = csv.writer(file)
-        writer.writerow(
-            ["frame", "timestamp_s", "status", "reason", "predicted", "sigma_rotation_deg",
-             "sigma_translation", "inliers", "unit", "informative", "components",
-             "outside_fraction", "hypotheses", "log_prob_nat", "excluded"]
-        )  # fmt: skip
-        for k, motion in enumerate(motions, start=1):
-            excluded = " ".join(f"{reason}:{count}" for reason, count in motion.excluded.items() if count)
-            variance = np.diag(motion.covariance).reshape(2, 3).sum(axis=1)
-            rotation, translation = np.sqrt(variance) * [np.degrees(1.0), 1.0]
-            writer.writerow(
-                [k, estimated.timestamps[k], motion.status.value, motion.reason, int(motion.predicted),
-                 f"{rotation:.6g}", f"{translation:.6g}", motion.inliers,
-                 motion.inlier_unit, motion.informative, motion.components,
-                 f"{motion.outside:.4f}", motion.hypotheses, f"{motion.log_prob:.3f}", excluded]
-            )  # fmt: skip
-
-
-def write_intrinsics(path: Path, states: list[Intrinsics]) -> None:
-    """One row a frame: the refined parameters [px, 1] and their standard deviations."""
-    names = states[0].settings.names
-    with atomic_write(path) as file:
-        writer = csv.writer(file)
-        writer.writerow(["frame", *names, *(f"sigma_{name}" for name in names)])
-        for k, state in enumerate(states):
-            writer.writerow([k, *(f"{v:.6g}" for v in (*state.values, *state.sigma))])
+def _skipped_record(base: Record, skipped: list[Skipped]) -> Record:
+    return replace(base, metric="skipped_frames", value=float(len(skipped)), unit="", count=None, protocol="")

@@ -29,7 +29,7 @@ class Format:
     layout : str
         What is expected there, in words.
     options : tuple of str
-        Of ``camera`` and ``frames_per_second``, those that the format takes.
+        Of ``camera``, ``frames_per_second`` and ``lenient``, those that the format takes.
     """
 
     open: Callable[..., Sequence]
@@ -38,16 +38,16 @@ class Format:
     options: tuple[str, ...] = ()
 
 
-def _open_kitti(path: Path) -> Sequence:
+def _open_kitti(path: Path, **options: Any) -> Sequence:
     from flowlik.datasets.kitti import KittiOdometry
 
-    return KittiOdometry(path)
+    return KittiOdometry(path, **options)
 
 
-def _open_kitti_raw(path: Path) -> Sequence:
+def _open_kitti_raw(path: Path, **options: Any) -> Sequence:
     from flowlik.datasets.kitti_raw import KittiRaw
 
-    return KittiRaw(path)
+    return KittiRaw(path, **options)
 
 
 def _open_tartanair(path: Path) -> Sequence:
@@ -120,8 +120,8 @@ _BOTH = ("camera", "frames_per_second")
 
 FORMATS: dict[str, Format] = {
     "kitti-flow": Format(_open_kitti_flow, layouts.kitti_flow, "image_2, image_0 or colored_0 with flow_occ"),
-    "kitti": Format(_open_kitti, layouts.kitti, "image_0 or image_2"),
-    "kitti-raw": Format(_open_kitti_raw, layouts.kitti_raw, "image_00 or image_02"),
+    "kitti": Format(_open_kitti, layouts.kitti, "image_0 or image_2", ("lenient",)),
+    "kitti-raw": Format(_open_kitti_raw, layouts.kitti_raw, "image_00 or image_02", ("lenient",)),
     "tartanair": Format(_open_tartanair, layouts.tartanair, "image_lcam_front"),
     "sintel": Format(_open_sintel, layouts.sintel, "frame_NNNN.png, the folder being training/clean/SCENE"),
     "middlebury-flow": Format(_open_middlebury_flow, layouts.middlebury_flow, "frame10.png"),
@@ -131,7 +131,7 @@ FORMATS: dict[str, Format] = {
     "tum-rgbd": Format(_open_tum_rgbd, layouts.tum_rgbd, "rgb.txt with depth.txt", ("camera",)),
     "euroc": Format(_open_euroc, layouts.euroc, "mav0/cam0"),
     "video": Format(_open_video, layouts.video, "a file such as .mp4", _BOTH),
-    "image-folder": Format(_open_image_folder, layouts.image_folder, "images", _BOTH),
+    "image-folder": Format(_open_image_folder, layouts.image_folder, "images", (*_BOTH, "lenient")),
 }
 """Formats by name, in the order in which they are tried on a folder: the more particular layout first."""
 
@@ -159,6 +159,7 @@ def open_sequence(
     format: str | None = None,
     camera: Pinhole | str | Seq[float] | None = None,
     frames_per_second: float | None = None,
+    lenient: bool = False,
 ) -> Sequence:
     """Open the folder of a sequence, or a video file.
 
@@ -173,6 +174,9 @@ def open_sequence(
         [px].
     frames_per_second : float, optional
         Frame rate [Hz] for a format without times.
+    lenient : bool
+        Open it though images are missing between others or times go back; `select_frames` then leaves out
+        what cannot be used.
 
     Raises
     ------
@@ -188,4 +192,6 @@ def open_sequence(
         if option not in FORMATS[name].options:
             takers = ", ".join(n for n, f in FORMATS.items() if option in f.options)
             raise DataError(f"{path}: format {name} has its own {option}, only {takers} take one")
+    if lenient and "lenient" in FORMATS[name].options:
+        given["lenient"] = True
     return FORMATS[name].open(Path(path), **given)

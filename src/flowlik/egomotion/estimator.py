@@ -25,6 +25,7 @@ LOCAL_STEPS = 3
 ANNEALING = (8.0, 4.0, 2.0)
 INFORMATIVE_PX = 1.0
 NO_PARALLAX_SHARE = 0.95
+ENOUGH_TELLING = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,11 +226,20 @@ class Estimator:
         index = self.likelihood.schedule.index
         used = residual.kept_components(kept)
         bounds = residual.bounds(self._bound, index, kept)
+        # a vector that lies within several pixels of any motion is no witness of one
+        most_px = residual.counted_px if self.radius_px is None else np.inf
+        telling = ((bounds >= 0) & (bounds <= most_px)).reshape(len(used), -1)
+        if telling.any(axis=1).sum() < ENOUGH_TELLING * residual.minimal:
+            most_px = np.inf
+        bounds = np.where(bounds <= most_px, bounds, -1.0)
         weights = self._sampling_weights(residual, kept)
         vectors = self.radius_px is not None
 
         def inliers_of(T: Array) -> NDArray[np.bool_]:
-            return self._inliers(residual, T, used)
+            inliers = self._inliers(residual, T, used)
+            if most_px < np.inf:
+                inliers &= self._bound(residual.coordinates(T, index)) <= most_px
+            return inliers
 
         def draws(inliers: NDArray[np.bool_]) -> int:
             """Samples until one of inliers alone has been drawn, as probable as asked."""

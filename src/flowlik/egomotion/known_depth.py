@@ -24,6 +24,7 @@ class KnownDepth:
     minimal: ClassVar[int] = 3
     components_per_vector: ClassVar[int] = 2
     metric: ClassVar[bool] = True
+    counted_px: ClassVar[float] = np.inf
     measurements: Measurements
     camera: Pinhole
     rho: Array

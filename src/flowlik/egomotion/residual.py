@@ -52,6 +52,8 @@ class Residual(Protocol):
     minimal: ClassVar[int]
     components_per_vector: ClassVar[int]
     metric: ClassVar[bool]
+    counted_px: ClassVar[float]
+    """Widest bound of a component that counts in a consensus."""
 
     @property
     def measurements(self) -> Measurements:
