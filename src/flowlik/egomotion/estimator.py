@@ -184,10 +184,9 @@ class Estimator:
         counting = used if self.radius_px is None else self._inliers(residual, T, used)
         fisher = np.where(counting, self.likelihood.fisher(x, cut), 0.0)
         A = J.T @ (fisher[:, None] * J)
-        if self.likelihood.correlation is None:
+        if (correlation := self.likelihood.correlation) is None:
             return A, A
-        directions = residual.directions(T)
-        return A, score_covariance(residual.measurements, directions, J, fisher, self.likelihood.correlation)
+        return A, score_covariance(residual.measurements, residual.directions(T), J, fisher, correlation)
 
     def _sensitivity(
         self, residual: Residual, T: Array, used: NDArray[np.bool_], A: Array, B: Array
@@ -207,9 +206,8 @@ class Estimator:
 
     def _count(self, residual: Residual, inliers: NDArray[np.bool_]) -> int:
         """Number of inliers in the estimator's own unit."""
-        if self.radius_px is None:
-            return int(inliers.sum())
-        return int(inliers.reshape(len(residual), -1).any(axis=1).sum())
+        vectors = inliers.reshape(len(residual), -1).any(axis=1)
+        return int((inliers if self.radius_px is None else vectors).sum())
 
     def _consensus(
         self,
