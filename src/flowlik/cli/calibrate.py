@@ -9,6 +9,7 @@ import typer
 
 from flowlik.cli.options import (
     METHOD_HELP,
+    Camera,
     Executor,
     Format,
     Json,
@@ -36,6 +37,7 @@ def run(
         ),
     ] = "index",
     format: Format = None,
+    camera: Camera = None,
     seed: Seed = 0,
     executor: Executor = "serial",
     workers: Workers = None,
@@ -53,6 +55,16 @@ def run(
 
     execution = Execution(executor, workers, scheduler, keep_sketches)
     result = calibrate(
-        data, method, out, family, schedule, format, seed, command_line(), terminal_progress, execution
+        data,
+        method,
+        out,
+        family,
+        schedule,
+        format,
+        seed,
+        command_line(),
+        terminal_progress,
+        execution,
+        camera,
     )
     show_run(result, json)

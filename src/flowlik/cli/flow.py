@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from flowlik.cli.options import Json, Method, Out, command_line, show_run
+from flowlik.cli.options import Camera, Json, Method, Out, command_line, show_run
 
 
 def run(
@@ -20,6 +20,7 @@ def run(
     truth: Annotated[Path | None, typer.Option(help="True flow: .flo, KITTI .png or .npy.")] = None,
     method: Method = None,
     confidence: Annotated[float, typer.Option(help="Confidence of the intervals.")] = 0.9,
+    camera: Camera = None,
     json: Json = False,
 ) -> None:
     """Draw where, and in which direction, the flow between two images can be trusted.
@@ -28,4 +29,4 @@ def run(
     """
     from flowlik.commands.flow import flow
 
-    show_run(flow(previous, current, model, out, truth, method, confidence, command_line()), json)
+    show_run(flow(previous, current, model, out, truth, method, confidence, command_line(), camera), json)

@@ -37,7 +37,11 @@ Format = Annotated[
 ]
 Camera = Annotated[
     str | None,
-    typer.Option("--camera", help="f,cx,cy or fx,fy,cx,cy [px], for data without a camera of its own."),
+    typer.Option(
+        "--camera",
+        help="f,cx,cy or fx,fy,cx,cy [px], or a file (ROS camera_info, OpenCV or Kalibr YAML), whose "
+        "distortion is removed from the images; for data without a camera of its own.",
+    ),
 ]
 FrameRate = Annotated[
     float | None, typer.Option("--frames-per-second", help="Frame rate [Hz], for images without times.")

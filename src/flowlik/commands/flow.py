@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from flowlik.camera import Array
 from flowlik.datasets.base import read_grey
 from flowlik.datasets.flow_files import read_flow
+from flowlik.datasets.intrinsics import CameraLike, given_camera, read_if_file
+from flowlik.datasets.lens import Lens
 from flowlik.errors import DataError
 from flowlik.evaluation.evidence import outside_warning
 from flowlik.files import atomic_write
@@ -34,6 +36,7 @@ def flow(
     method: str | None = None,
     confidence: float = 0.9,
     command: str = "flowlik flow",
+    camera: str | None = None,
 ) -> RunFolder:
     """Measure the flow between two images and draw its uncertainty.
 
@@ -53,6 +56,8 @@ def flow(
         Of the intervals drawn.
     command : str
         Command line that repeats the run.
+    camera : str, optional
+        A camera file: both images are undistorted first. Without distortion a camera changes nothing.
 
     Raises
     ------
@@ -63,9 +68,10 @@ def flow(
     """
     likelihood = load_likelihood(model)
     chosen = confirmed_method(likelihood.method or {}, method)
-    image = read_grey(previous)
+    lens = None if camera is None else read_if_file(camera)
+    image, following = (_undistorted(read_grey(path), lens) for path in (previous, current))
     signals = likelihood.signals
-    m = measure(image, read_grey(current), chosen, likelihood.texture, signals=signals)
+    m = measure(image, following, chosen, likelihood.texture, signals=signals)
     if not len(m):
         raise DataError(f"{previous}: no flow vector could be measured (no texture?)")
     true_flow = None if truth is None else _read_truth(truth, image.shape)
@@ -86,6 +92,13 @@ def flow(
         )  # fmt: skip
     run.finish()
     return run
+
+
+def _undistorted(image: Image, lens: CameraLike | None) -> Image:
+    if lens is None:
+        return image
+    given_camera(lens, image.shape)  # refuses what is no camera of these images
+    return lens.undistort(image) if isinstance(lens, Lens) else image
 
 
 def _read_truth(path: Path, shape: tuple[int, ...]) -> Array:

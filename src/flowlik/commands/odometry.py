@@ -91,7 +91,7 @@ def odometry(
     progress : Progress
         Told how far it is.
     camera : str, optional
-        ``f,cx,cy`` or ``fx,fy,cx,cy`` [px], for data without a camera of its own.
+        ``f,cx,cy`` or ``fx,fy,cx,cy`` [px], or a camera file, for data without a camera of its own.
     frames_per_second : float, optional
         Frame rate [Hz], for images without times.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from collections.abc import Sequence as Seq
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +12,7 @@ from flowlik.datasets.base import Sequence
 from flowlik.errors import DataError
 
 if TYPE_CHECKING:
-    from flowlik.camera import Pinhole
+    from flowlik.datasets.intrinsics import CameraLike
 
 
 @dataclass(frozen=True)
@@ -157,7 +156,7 @@ def guess_format(path: Path | str) -> str:
 def open_sequence(
     path: Path | str,
     format: str | None = None,
-    camera: Pinhole | str | Seq[float] | None = None,
+    camera: CameraLike | None = None,
     frames_per_second: float | None = None,
 ) -> Sequence:
     """Open the folder of a sequence, or a video file.
@@ -168,9 +167,10 @@ def open_sequence(
         Folder or file.
     format : str, optional
         A name in `FORMATS`; by default guessed from the layout.
-    camera : Pinhole, str or sequence of float, optional
+    camera : Pinhole, Lens, str, Path or sequence of float, optional
         Camera for a format without one of its own, or instead of its default: ``f,cx,cy`` or ``fx,fy,cx,cy``
-        [px].
+        [px], or a camera file (`flowlik.datasets.camera_file`). Where its lens distorts, images and depth are
+        undistorted as they are read.
     frames_per_second : float, optional
         Frame rate [Hz] for a format without times.
 
@@ -182,10 +182,17 @@ def open_sequence(
     if format is not None and format not in FORMATS:
         raise DataError(f"unknown data set format {format!r}, known are {', '.join(FORMATS)}")
     name = format or guess_format(path)
-    options = {"camera": camera, "frames_per_second": frames_per_second}
+    options: dict[str, Any] = {"camera": camera, "frames_per_second": frames_per_second}
     given = {option: value for option, value in options.items() if value is not None}
     for option in given:
         if option not in FORMATS[name].options:
             takers = ", ".join(n for n, f in FORMATS.items() if option in f.options)
             raise DataError(f"{path}: format {name} has its own {option}, only {takers} take one")
-    return FORMATS[name].open(Path(path), **given)
+    if camera is None:
+        return FORMATS[name].open(Path(path), **given)
+    from flowlik.datasets.intrinsics import read_if_file
+    from flowlik.datasets.lens import Lens, Undistorted
+
+    given["camera"] = lens = read_if_file(camera)
+    sequence = FORMATS[name].open(Path(path), **given)
+    return Undistorted(sequence, lens) if isinstance(lens, Lens) and lens.distorts else sequence
