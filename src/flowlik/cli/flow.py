@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from flowlik.cli.options import Camera, Json, Method, Out, command_line, show_run
+from flowlik.cli.options import Camera, Json, Method, Out, Recording, View, command_line, show_run
 
 
 def run(
@@ -21,6 +21,8 @@ def run(
     method: Method = None,
     confidence: Annotated[float, typer.Option(help="Confidence of the intervals.")] = 0.9,
     camera: Camera = None,
+    view: View = False,
+    record: Recording = False,
     json: Json = False,
 ) -> None:
     """Draw where, and in which direction, the flow between two images can be trusted.
@@ -29,4 +31,7 @@ def run(
     """
     from flowlik.commands.flow import flow
 
-    show_run(flow(previous, current, model, out, truth, method, confidence, command_line(), camera), json)
+    show_run(
+        flow(previous, current, model, out, truth, method, confidence, command_line(), camera, view, record),
+        json,
+    )

@@ -15,7 +15,10 @@ from flowlik.cli.options import (
     Method,
     Model,
     Out,
+    Recording,
     Seed,
+    Topic,
+    View,
     command_line,
     show_run,
 )
@@ -43,6 +46,12 @@ def run(
     format: Format = None,
     camera: Camera = None,
     frames_per_second: FrameRate = None,
+    topic: Topic = None,
+    bag: Annotated[
+        bool, typer.Option("--bag", help="Also write nav_msgs/Odometry as a ROS 2 bag (extra `ros`).")
+    ] = False,
+    view: View = False,
+    record: Recording = False,
     seed: Seed = 0,
     json: Json = False,
 ) -> None:
@@ -60,5 +69,6 @@ def run(
     result = odometry(
         data, out, model, method, estimator, residual, scale, height, self_calibrate, boresight, gate, frames,
         format, seed, command_line(), terminal_progress, camera, frames_per_second,
+        topic, bag, view, record,
     )  # fmt: skip
     show_run(result, json)

@@ -32,7 +32,7 @@ Format = Annotated[
         "--format",
         help="Data format, guessed by default: kitti, kitti-raw, kitti-flow, tartanair, sintel, "
         "middlebury-flow, middlebury-stereo, flying-chairs, seven-scenes, tum-rgbd, euroc, "
-        "image-folder or video.",
+        "ros, image-folder or video.",
     ),
 ]
 Camera = Annotated[
@@ -43,8 +43,15 @@ Camera = Annotated[
         "distortion is removed from the images; for data without a camera of its own.",
     ),
 ]
+Topic = Annotated[
+    str | None, typer.Option("--topic", help="Topic of the images of a ROS bag; needed where it has several.")
+]
 FrameRate = Annotated[
     float | None, typer.Option("--frames-per-second", help="Frame rate [Hz], for images without times.")
+]
+View = Annotated[bool, typer.Option("--view", help="Show it live in the rerun viewer (extra `viz`).")]
+Recording = Annotated[
+    bool, typer.Option("--record", help="Record it for the rerun viewer, as view.rrd (extra `viz`).")
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the metrics as JSON on standard output.")]

@@ -19,6 +19,7 @@ from flowlik.errors import DataError, MissingFieldError
 from flowlik.evaluation.drift import relative_pose_errors
 from flowlik.evaluation.evidence import outside_warning
 from flowlik.evaluation.motion_records import status_records, trajectory_records, true_trajectory
+from flowlik.extras import extra
 from flowlik.files import atomic_write
 from flowlik.flow import confirmed_method, describe, flow_method, method_label
 from flowlik.flow.base import FlowMethod
@@ -26,9 +27,16 @@ from flowlik.model_file import load_likelihood
 from flowlik.odometry import Odometry, ResidualKind, features_of, run_odometry
 from flowlik.progress import Progress, no_progress
 from flowlik.records import Record, protocol, select
+from flowlik.ros_odometry import write_odometry_bag
 from flowlik.runs import RunFolder
 from flowlik.scale import SCALES, scale_source
 from flowlik.trajectory import Trajectory, write_kitti, write_tum
+from flowlik.trajectory_covariance import (
+    trajectory_covariance,
+    write_covariance_csv,
+    write_trajectory_npz,
+)
+from flowlik.viewer import viewer, watched_by
 
 ESTIMATORS = ("ransac", "lcmsac", "mle")
 
@@ -52,6 +60,10 @@ def odometry(
     progress: Progress = no_progress,
     camera: str | None = None,
     frames_per_second: float | None = None,
+    topic: str | None = None,
+    bag: bool = False,
+    view: bool = False,
+    record: bool = False,
 ) -> RunFolder:
     """Estimate the trajectory of a sequence, and its errors where the data set has poses.
 
@@ -60,7 +72,8 @@ def odometry(
     data : Path
         Folder of a sequence, or a video file.
     out : Path
-        Run folder: trajectory in KITTI's and TUM's format, ``frames.csv`` with each frame's status.
+        Run folder: trajectory in KITTI's and TUM's format, its covariance as ``covariance.csv`` and, with the
+        poses, ``trajectory.npz``; ``frames.csv`` with each frame's status.
     model : Path, optional
         Model file; needed for lcmsac and mle. It names the flow method.
     method : str, optional
@@ -94,6 +107,12 @@ def odometry(
         ``f,cx,cy`` or ``fx,fy,cx,cy`` [px], or a camera file, for data without a camera of its own.
     frames_per_second : float, optional
         Frame rate [Hz], for images without times.
+    topic : str, optional
+        Topic of the images of a ROS bag.
+    bag : bool
+        Also write the trajectory as a ROS 2 bag, ``odometry_bag``.
+    view, record : bool
+        Show the run live in the rerun viewer; record it as ``view.rrd``.
 
     Raises
     ------
@@ -105,7 +124,9 @@ def odometry(
         raise DataError(f"unknown scale source {scale!r}: known are {', '.join(SCALES)}")
     if boresight not in ("none", "causal"):
         raise DataError(f"unknown boresight {boresight!r}: known are none, causal")
-    sequence = open_sequence(data, format, camera, frames_per_second)
+    if bag:
+        extra("rosbags", "--bag")
+    sequence = open_sequence(data, format, camera, frames_per_second, topic)
     kind = _residual_kind(sequence, residual)
     source = scale_source(scale, sequence, height_m)
     if kind == "depth":
@@ -115,7 +136,7 @@ def odometry(
     config = {
         "data": str(data), "model": None if model is None else str(model), "estimator": estimator,
         "residual": kind, "scale": scale, "gate": gate, "frames": frames, "method": describe(flow),
-        "camera": camera, "frames_per_second": frames_per_second,
+        "camera": camera, "frames_per_second": frames_per_second, "topic": topic,
     }  # fmt: skip
     count = len(sequence) if frames is None else min(frames, len(sequence))
     # a pose file that cannot be used is told before the work, not after it
@@ -128,7 +149,8 @@ def odometry(
     robot = Odometry(sequence.camera, flow, chosen, seed, source, settings, boresight == "causal")
     loop = run_odometry(sequence, robot, kind, frames)
     start = time.perf_counter()
-    motions = list(progress(loop, f"{estimator} on {sequence.name}", count - 1))
+    watched = watched_by(viewer(view, run.path / "view.rrd" if record else None), loop, sequence, robot)
+    motions = list(progress(watched, f"{estimator} on {sequence.name}", count - 1))
     seconds = time.perf_counter() - start
     if not any(motion.solved for motion in motions):
         reason = motions[0].reason if motions else "there is only one image"
@@ -137,6 +159,11 @@ def odometry(
     estimated = Trajectory(np.array(robot.timestamps), RigidTransform.concatenate(robot.poses))
     write_kitti(run.begin() / "trajectory_kitti.txt", estimated)
     write_tum(run.path / "trajectory_tum.txt", estimated)
+    covariance = trajectory_covariance(estimated.timestamps, motions)
+    write_covariance_csv(run.path / "covariance.csv", covariance)
+    write_trajectory_npz(run.path / "trajectory.npz", estimated, covariance)
+    if bag:
+        write_odometry_bag(run.path / "odometry_bag", estimated, motions)
     _write_frames(run.path / "frames.csv", estimated, motions)
     if robot.intrinsics:
         write_intrinsics(run.path / "intrinsics.csv", robot.intrinsics)

@@ -28,7 +28,7 @@ class Format:
     layout : str
         What is expected there, in words.
     options : tuple of str
-        Of ``camera`` and ``frames_per_second``, those that the format takes.
+        Of ``camera``, ``frames_per_second`` and ``topic``, those that the format takes.
     """
 
     open: Callable[..., Sequence]
@@ -115,6 +115,14 @@ def _open_video(path: Path, **options: Any) -> Sequence:
     return Video(path, **options)
 
 
+def _open_ros(path: Path, **options: Any) -> Sequence:
+    from flowlik.datasets.lens import Undistorted
+    from flowlik.datasets.ros_bag import RosBag
+
+    bag = RosBag(path, **options)
+    return Undistorted(bag, bag.lens) if bag.lens is not None and bag.lens.distorts else bag
+
+
 _BOTH = ("camera", "frames_per_second")
 
 FORMATS: dict[str, Format] = {
@@ -129,6 +137,7 @@ FORMATS: dict[str, Format] = {
     "seven-scenes": Format(_open_seven_scenes, layouts.seven_scenes, "frame-NNNNNN.color.png", ("camera",)),
     "tum-rgbd": Format(_open_tum_rgbd, layouts.tum_rgbd, "rgb.txt with depth.txt", ("camera",)),
     "euroc": Format(_open_euroc, layouts.euroc, "mav0/cam0"),
+    "ros": Format(_open_ros, layouts.ros, "a ROS bag or .mcap", ("camera", "topic")),
     "video": Format(_open_video, layouts.video, "a file such as .mp4", _BOTH),
     "image-folder": Format(_open_image_folder, layouts.image_folder, "images", _BOTH),
 }
@@ -158,6 +167,7 @@ def open_sequence(
     format: str | None = None,
     camera: CameraLike | None = None,
     frames_per_second: float | None = None,
+    topic: str | None = None,
 ) -> Sequence:
     """Open the folder of a sequence, or a video file.
 
@@ -173,6 +183,8 @@ def open_sequence(
         undistorted as they are read.
     frames_per_second : float, optional
         Frame rate [Hz] for a format without times.
+    topic : str, optional
+        Topic of the images of a ROS bag; needed where there are several.
 
     Raises
     ------
@@ -182,7 +194,7 @@ def open_sequence(
     if format is not None and format not in FORMATS:
         raise DataError(f"unknown data set format {format!r}, known are {', '.join(FORMATS)}")
     name = format or guess_format(path)
-    options: dict[str, Any] = {"camera": camera, "frames_per_second": frames_per_second}
+    options: dict[str, Any] = {"camera": camera, "frames_per_second": frames_per_second, "topic": topic}
     given = {option: value for option, value in options.items() if value is not None}
     for option in given:
         if option not in FORMATS[name].options:
