@@ -25,7 +25,7 @@ def test_plain_lines_tell_the_time_left(monkeypatch, capsys):
     clock = itertools.count(step=15.0)
     monkeypatch.setattr(progress.time, "monotonic", lambda: next(clock))
     list(terminal_progress(range(4), "frames", 4))
-    assert capsys.readouterr().err.splitlines() == ["frames: 2/4, 30 s left", "frames: 4 in 75.0 s"]
+    assert capsys.readouterr().err.splitlines() == ["frames: 2/4, 4/min, 30 s left", "frames: 4 in 75.0 s"]
 
 
 def test_an_error_passes_through(capsys):

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from flowlik.cli import complete
 from flowlik.cli.options import Camera, Json, Method, Out, Recording, View, command_line, show_run
 
 
@@ -14,7 +15,13 @@ def run(
     previous: Annotated[Path, typer.Argument(help="First image.")],
     current: Annotated[Path, typer.Argument(help="Second image.")],
     model: Annotated[
-        Path, typer.Option("--model", "-m", help="A shipped model or a file; it names the flow.")
+        Path,
+        typer.Option(
+            "--model",
+            "-m",
+            help="A shipped model or a file; it names the flow.",
+            autocompletion=complete.models,
+        ),
     ],
     out: Out,
     truth: Annotated[Path | None, typer.Option(help="True flow: .flo, KITTI .png or .npy.")] = None,
@@ -27,7 +34,11 @@ def run(
 ) -> None:
     """Draw where, and in which direction, the flow between two images can be trusted.
 
-    Example: `flowlik flow a.png b.png --model run/models/farneback.json --out picture`
+    Examples
+    --------
+    `flowlik flow a.png b.png --model farneback --out picture`
+
+    `flowlik flow a.png b.png --model run/models/dis.json --camera camera.yaml --record --out picture`
     """
     from flowlik.commands.flow import flow
 
