@@ -28,7 +28,9 @@ def waves(shift: tuple[float, float], contrast: float, noise: float, seed: int =
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
-def coverage(model: flowlik.FlowLikelihood, m: flowlik.Measurements, truth: np.ndarray) -> tuple[float, float]:
+def coverage(
+    model: flowlik.FlowLikelihood, m: flowlik.Measurements, truth: np.ndarray
+) -> tuple[float, float]:
     """Share of error components within the model's 90 % interval, and the interval's median half-width [px]."""
     half_width = model.bound(model.coordinate(m), CONFIDENCE)
     return float((np.abs(m.errors(truth)) <= half_width).mean()), float(np.median(half_width))
@@ -64,7 +66,9 @@ def ambiguous_eigenbasis(noise: float = 2.0) -> list[tuple[float, float, float]]
 
 def _noisy(noise: float, seed: int) -> np.ndarray:
     clean = waves((0, 0), 20.0, 0.0).astype(float)
-    return np.clip(np.rint(clean + np.random.default_rng(seed).normal(0, noise, SHAPE)), 0, 255).astype(np.uint8)
+    return np.clip(np.rint(clean + np.random.default_rng(seed).normal(0, noise, SHAPE)), 0, 255).astype(
+        np.uint8
+    )
 
 
 def repeated_pattern(period_px: int = 16, moves_px: tuple[float, ...] = (2.0, 6.0, 10.0, 14.0)):
@@ -81,15 +85,36 @@ def repeated_pattern(period_px: int = 16, moves_px: tuple[float, ...] = (2.0, 6.
 
     rows = []
     for move in moves_px:
-        m = flowlik.measure(grid(0.0), grid(move), flowlik.LucasKanade(), pixels=pixels, signals=model.signals)
+        m = flowlik.measure(
+            grid(0.0), grid(move), flowlik.LucasKanade(), pixels=pixels, signals=model.signals
+        )
         truth = np.tile([move, 0.0], (len(m), 1))
         error_px = float(np.median(np.linalg.norm(m.errors(truth), axis=1)))
         rows.append((move, error_px, coverage(model, m, truth)[0]))
     return rows
 
 
+def grid_world(speeds_mps: tuple[float, ...] = (6.0, 40.0), worlds: tuple[str, ...] = ("grid", "planes")):
+    """A frame's flight over the grid and over planes: rows of (world, speed, median true flow, coverage)."""
+    model = flowlik.load_likelihood("lucas-kanade")
+    camera = flowlik.Pinhole.from_fov(320, 180, 90.0)
+    pixels = np.stack(np.meshgrid(np.arange(10, 310, 5.0), np.arange(10, 170, 5.0)), -1).reshape(-1, 2)
+    rows = []
+    for world in worlds:
+        for speed in speeds_mps:
+            flight = flowlik.simulate(world, "straight", 2, speed, 3, camera)
+            pair, truth, visible = (flight.image(0), flight.image(1)), flight.flow(0), flight.visible(0)
+            m = flowlik.measure(*pair, flowlik.LucasKanade(), pixels=pixels, signals=model.signals)
+            column, row = np.rint(m.pixels).astype(int).T
+            known = np.isfinite(truth[row, column]).all(axis=1) & visible[row, column]
+            flow = truth[row, column][known]
+            moved_px = float(np.median(np.linalg.norm(flow, axis=1)))
+            rows.append((world, speed, moved_px, coverage(model, m.select(known), flow)[0]))
+    return rows
+
+
 def main() -> None:
-    """Print the three demonstrations."""
+    """Print the demonstrations."""
     print("Little texture: share of errors within the 90 % interval, and its median half-width")
     for contrast, move, name, share, width in low_texture():
         print(f"  contrast {contrast:3.0f}, {move:4.0f} px a frame, {name:14} {share:5.0%}  {width:6.2f} px")
@@ -99,6 +124,9 @@ def main() -> None:
     print("A pattern that repeats every 16 px: Lucas-Kanade's median error, and what the 90 % interval holds")
     for move, error, share in repeated_pattern():
         print(f"  moved by {move:4.0f} px: error {error:6.2f} px, {share:5.0%}")
+    print("The grid world beside planes: what the 90 % interval holds")
+    for world, speed, moved, share in grid_world():
+        print(f"  {world:6} at {speed:3.0f} m/s, {moved:.1f} px a frame: {share:5.0%}")
 
 
 if __name__ == "__main__":

@@ -42,18 +42,20 @@ def test_what_is_completed_is_what_is_known():
     from flowlik.commands.odometry import ESTIMATORS
     from flowlik.datasets import FORMATS
     from flowlik.families import FAMILIES
-    from flowlik.flow import METHODS
+    from flowlik.flow import METHODS, flow_method
     from flowlik.models import shipped
     from flowlik.scale import SCALES
     from flowlik.simulation import TRAJECTORIES, WORLDS
 
     known = {
         "EXECUTORS": EXECUTORS, "SCHEDULES": SCHEDULES, "ESTIMATORS": ESTIMATORS, "FORMATS": FORMATS,
-        "FAMILIES": FAMILIES, "METHODS": METHODS, "SCALES": SCALES, "WORLDS": WORLDS,
+        "FAMILIES": FAMILIES, "SCALES": SCALES, "WORLDS": WORLDS,
         "TRAJECTORIES": TRAJECTORIES,
     }  # fmt: skip
     for name, values in known.items():
         assert set(getattr(complete, name)) == set(values), name
+    assert set(METHODS) <= set(complete.METHODS)
+    assert all(flow_method(name) for name in complete.METHODS)
     assert complete.one_of(complete.SCALES)("g") == ["gps-norm"]
     assert set(complete.models("lucas")) == {name for name in shipped() if name.startswith("lucas")}
 

@@ -39,6 +39,8 @@ def load_sketch(path: Path | str) -> ErrorSketch:
         If the file is missing, damaged, or has other bins.
     """
     path = Path(path)
+    if not path.is_file():
+        raise DataError(f"{path}: cannot read the sketch (no such file)")
     try:
         data: Any = read_npz(path)
         header = json.loads(str(data["header"]))
