@@ -21,21 +21,15 @@ CALIBRATION = (
             (12.0, 13), (1.5, 14),
         )
     ),
-    *(
-        Flight(PLANES, "training", v, s, 12, 4)
-        for v, s in ((1.5, 0), (1.5, 1), (6.0, 0), (6.0, 1), (24.0, 0))
-    ),
-    *(
-        Flight(PLANES, "training", v, s, 8, 3)
-        for v, s in ((3.0, 4), (12.0, 5), (30.0, 6), (9.0, 7), (2.0, 8))
-    ),
+    # a few: without depth edges their errors are smaller at the same index, and many make a table too sure
+    Flight(PLANES, "training", 6.0, 0, 12, 4),
+    Flight(PLANES, "training", 1.5, 1, 12, 4),
     *(
         Flight(world, "training", v, s, 5, 3, sensor=sensor)
         for world, v, s, sensor in (
             (FOREST, 6.0, 20, "clean"), (FOREST, 1.5, 21, "clean"), (FOREST, 18.0, 22, "clean"),
             (FOREST, 6.0, 23, "poor"), (FOREST, 24.0, 24, "poor"), (FOREST, 2.0, 25, "poor"),
-            (PLANES, 6.0, 20, "clean"), (PLANES, 2.0, 21, "clean"), (PLANES, 24.0, 22, "clean"),
-            (PLANES, 6.0, 23, "poor"), (PLANES, 18.0, 24, "poor"),
+            (PLANES, 24.0, 22, "clean"),
         )
     ),
     Flight(DRIVING, "05", 0.0, 26, 6, 3, sensor="clean"),

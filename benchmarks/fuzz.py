@@ -134,7 +134,8 @@ def main() -> int:
         folder = base / name.replace(" ", "-")
         words = [sys.executable, __file__, "--seconds", str(options.seconds), "--seed", str(options.seed)]
         child = subprocess.run(
-            [*words, "--child", name, str(folder)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            [*words, "--child", name, str(folder)],
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
             env={**os.environ, "OPENCV_LOG_LEVEL": "SILENT"},
         )  # fmt: skip
         said = child.stdout.splitlines()

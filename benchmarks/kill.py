@@ -119,8 +119,8 @@ def main() -> int:
         good = code == 0 and left(out, command) == whole[command]
         stray = [p.name for p in out.rglob("*") if p.name.endswith(".part") or p.name == "unfinished.json"]
         wrong += not good
-        print(f"{number:3} {command:9} killed {kills}, exit {code}, {'equal' if good else 'WRONG'}", stray or "",
-              flush=True)  # fmt: skip
+        outcome = "equal" if good else "WRONG"
+        print(f"{number:3} {command:9} killed {kills}, exit {code}, {outcome}", stray or "", flush=True)
         if good:
             shutil.rmtree(out)
     print(f"{options.runs} runs, {wrong} wrong")

@@ -12,12 +12,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 import simulation_consistency as consistency
 import simulation_exactness as exactness
 import simulation_naturalness as naturalness
 import simulation_speed as speed
 from flowlik.camera import Pinhole
+from flowlik.flow import LucasKanade
 from flowlik.records import Record, protocol, write_records
 from flowlik.simulation import IDEAL_SENSOR, SimulatedSequence, simulate
 from simulation_pictures import PictureSet, real_sets, simulated
@@ -104,25 +106,42 @@ def measure_consistency(options: Options) -> Iterator[Record]:
         unwarped = float(np.median(np.abs(residuals.unwarped)))
         yield _record("unwarped_residual_median", unwarped, "grey levels", world, count, **note)
         yield _record("compared_share", residuals.share, "", world, count, **note)
-        errors = [
-            np.concatenate([consistency.lucas_kanade_errors(flight, k)[0] for k in frames])
-            for flight in (there, back)
-        ]
-        textured = {**note, "pixels": "visible, depth-smooth, t2 above 3, tracked within 1 px"}
+        for method in (LucasKanade(), LucasKanade(centred=True)):
+            yield from _signed_means((there, back), frames, world, method, note)
+        left = np.concatenate([consistency.leftover_flow(there, k, LucasKanade()) for k in frames])
         for axis, name in enumerate("uv"):
-            one_way = float(errors[0][:, axis].mean())
-            both = float(np.mean([error[:, axis].mean() for error in errors]))
-            yield _record(
-                f"lk_signed_mean_{name}", one_way, "px", world, len(errors[0]), most=0.01, **textured
-            )
-            count = sum(map(len, errors))
-            yield _record(f"lk_signed_mean_{name}_both_ways", both, "px", world, count, most=0.01, **textured)
+            value = float(left[:, axis].mean())
+            yield _record(f"lk_leftover_mean_{name}", value, "px", world, len(left), most=0.01, **note)
         step_m, places = (0.05, [0, 130, 260]) if world in ("driving", "traffic") else (0.03, [0, 130, 260])
         creep = consistency.creep(there, places, step_m)
         for n, value in zip(consistency.CREEP_STEPS, creep.residuals):
             note_n = {**note, "motion": "sideways", "step_m": step_m, "steps": n}
             yield _record("sideways_residual_median", value, "grey levels", world, len(places), **note_n)
         yield _record("texture_creep_share", creep.share, "", world, len(places), most=0.01, step_m=step_m)
+
+
+def _signed_means(
+    flights: tuple[SimulatedSequence, SimulatedSequence],
+    frames: NDArray[np.int64],
+    world: str,
+    method: LucasKanade,
+    note: dict[str, str],
+) -> Iterator[Record]:
+    """Lucas-Kanade minus truth on a flight, and pooled with the same flown backwards."""
+    errors = [
+        np.concatenate([consistency.lucas_kanade_errors(flight, k, method)[0] for k in frames])
+        for flight in flights
+    ]
+    placed = "middle of the patch" if method.centred else "centre of gradient energy"
+    note = {**note, "pixels": "visible, depth-smooth, t2 above 3, tracked within 1 px", "placed": placed}
+    suffix = "_middle" if method.centred else ""
+    for axis, name in enumerate("uv"):
+        one_way = float(errors[0][:, axis].mean())
+        both = float(np.mean([error[:, axis].mean() for error in errors]))
+        metric, count = f"lk_signed_mean_{name}", len(errors[0])
+        yield _record(metric + suffix, one_way, "px", world, count, most=0.01, **note)
+        count = sum(map(len, errors))
+        yield _record(f"{metric}_both_ways{suffix}", both, "px", world, count, most=0.01, **note)
 
 
 def measure_naturalness(options: Options) -> list[naturalness.Statistics]:

@@ -11,6 +11,8 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.evaluation.naturalness import depth_smooth, texture_levels
 from flowlik.flow import LucasKanade
+from flowlik.measurements import measure
+from flowlik.sampling import sample_flow
 from flowlik.simulation import IDEAL_SENSOR, SimulatedSequence
 
 Array = NDArray[np.float64]
@@ -61,18 +63,39 @@ def pooled(all_residuals: list[Residuals]) -> Residuals:
     )
 
 
-def lucas_kanade_errors(sequence: SimulatedSequence, k: int, most: int = 20_000) -> tuple[Array, Array]:
-    """Signed errors (N, 2) and true flow (N, 2) [px] at visible, depth-smooth, textured pixels tracked."""
+def textured_pixels(sequence: SimulatedSequence, k: int, most: int) -> Array:
+    """At most so many visible, depth-smooth, textured pixels (N, 2)."""
     image = sequence.image(k)
     textured = texture_levels(image)[1].reshape(image.shape) > TEXTURED
     wanted = sequence.camera.pixel_grid()[(compared(sequence, k) & textured).ravel()]
     if len(wanted) > most:
         wanted = wanted[np.random.default_rng(k).choice(len(wanted), most, replace=False)]
-    u, v = wanted.astype(int).T
-    truth = sequence.flow(k)[v, u]
-    error = LucasKanade().measure_at(image, sequence.image(k + 1), wanted) - truth
-    tracked = np.linalg.norm(error, axis=1) < TRACKED_PX  # NaN, where lost, is not
+    return wanted
+
+
+def lucas_kanade_errors(
+    sequence: SimulatedSequence, k: int, method: LucasKanade, most: int = 20_000
+) -> tuple[Array, Array]:
+    """Signed errors (N, 2) and true flow (N, 2) [px] at textured pixels tracked."""
+    pixels = textured_pixels(sequence, k, most)
+    m = measure(sequence.image(k), sequence.image(k + 1), method, pixels=pixels)
+    truth = sample_flow(sequence.flow(k), m.pixels)
+    error = m.flow - truth
+    tracked = np.linalg.norm(error, axis=1) < TRACKED_PX  # NaN, where the anchor has no truth, is not
     return error[tracked], truth[tracked]
+
+
+def leftover_flow(sequence: SimulatedSequence, k: int, method: LucasKanade, most: int = 20_000) -> Array:
+    """Flow (N, 2) [px] from frame k to frame k + 1 read at the true ends: none, if pictures follow the truth.
+
+    Unlike the error itself it holds nothing of how motion varies within a patch.
+    """
+    image, flow = sequence.image(k), sequence.flow(k)
+    ends = sequence.camera.pixel_grid() + np.where(np.isfinite(flow), flow, 0.0).reshape(-1, 2)
+    read = map_coordinates(sequence.image(k + 1).astype(float), ends.T[::-1], order=3, mode="nearest")
+    back = np.rint(read).clip(0, 255).astype(np.uint8).reshape(image.shape)
+    left = measure(image, back, method, pixels=textured_pixels(sequence, k, most)).flow
+    return left[np.linalg.norm(left, axis=1) < TRACKED_PX]
 
 
 def there_and_back(sequence: SimulatedSequence) -> tuple[SimulatedSequence, SimulatedSequence]:
@@ -104,7 +127,7 @@ def creep(sequence: SimulatedSequence, frames: list[int], step_m: float) -> Cree
             aside = RigidTransform.from_translation([[0, 0, 0], [n * step_m, 0, 0]])
             pair = SimulatedSequence(sequence.world, sequence.T_n_c(k) * aside, sequence.camera, IDEAL_SENSOR)
             of_step[n].append(residuals(pair, 0))
-            error, truth = lucas_kanade_errors(pair, 0, 5000)
+            error, truth = lucas_kanade_errors(pair, 0, LucasKanade(), 5000)
             errors.append(error[:, 0])
             truths.append(truth[:, 0])
     error, truth = np.concatenate(errors), np.concatenate(truths)

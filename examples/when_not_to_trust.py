@@ -1,4 +1,4 @@
-"""Where a calibrated likelihood is wrong, shown: little texture, an arbitrary eigenbasis, patterns that repeat.
+"""Where a calibrated likelihood is wrong: little texture, an arbitrary eigenbasis, patterns that repeat.
 
     python examples/when_not_to_trust.py
 
@@ -6,6 +6,8 @@ The page docs/when-not-to-trust.md explains what is printed.
 """
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 
@@ -31,7 +33,7 @@ def waves(shift: tuple[float, float], contrast: float, noise: float, seed: int =
 def coverage(
     model: flowlik.FlowLikelihood, m: flowlik.Measurements, truth: np.ndarray
 ) -> tuple[float, float]:
-    """Share of error components within the model's 90 % interval, and the interval's median half-width [px]."""
+    """Share of errors within the model's 90 % interval, and the interval's median half-width [px]."""
     half_width = model.bound(model.coordinate(m), CONFIDENCE)
     return float((np.abs(m.errors(truth)) <= half_width).mean()), float(np.median(half_width))
 
@@ -60,7 +62,7 @@ def ambiguous_eigenbasis(noise: float = 2.0) -> list[tuple[float, float, float]]
     edges = (0.0, 0.2, 0.4, 0.6, 0.8, 0.95, 1.0)
     return [
         (low, high, float(np.median(turn_deg[(ratio >= low) & (ratio < high)])))
-        for low, high in zip(edges[:-1], edges[1:])
+        for low, high in pairwise(edges)
     ]
 
 
@@ -72,7 +74,7 @@ def _noisy(noise: float, seed: int) -> np.ndarray:
 
 
 def repeated_pattern(period_px: int = 16, moves_px: tuple[float, ...] = (2.0, 6.0, 10.0, 14.0)):
-    """Stripes and squares that repeat move by more than half a period: rows of (move, median error, coverage)."""
+    """A pattern that repeats moves by more than half a period: rows of (move, median error, coverage)."""
     model = flowlik.load_likelihood("lucas-kanade")
     v, u = np.mgrid[0 : SHAPE[0], 0 : SHAPE[1]].astype(float)
     pixels = np.stack(np.meshgrid(np.arange(40, 160, 4.0), np.arange(40, 120, 4.0)), -1).reshape(-1, 2)

@@ -235,6 +235,8 @@ def test_features_are_corners_or_stratified_pixels():
     dense = measure_features(previous, previous, Farneback(), texture, seed=1)
     assert len(dense) == pytest.approx(4000, rel=0.05)
     np.testing.assert_array_equal(dense.pixels, np.rint(dense.pixels))
-    sparse = measure_features(previous, previous, LucasKanade(), texture)
-    np.testing.assert_array_equal(sparse.pixels, LucasKanade().measure(previous, previous)[0])
+    method = LucasKanade()
+    sparse = measure_features(previous, previous, method, texture)
+    corners = method.measure(previous, previous)[0]
+    np.testing.assert_array_equal(sparse.pixels, method.anchors(previous, corners))
     assert (features_of(Farneback()), features_of(LucasKanade())) == ("stratified-4000", "corners")

@@ -123,3 +123,54 @@ def patch_residual(previous, current, pixels, flow, window, first, last, residua
         for k in range(size):
             total += abs(differences[k] - mean)
         residual[i] = total / size
+
+
+@njit(cache=True, nogil=True)
+def energy_centres(gx, gy, pixels, half, first, last, centres):  # type: ignore[no-untyped-def]
+    """Centres of gx^2 + gy^2 in the windows around pixels first to last; the pixel where it is all zero."""
+    height, width = gx.shape
+    for i in range(first, last):
+        u, v = int(np.rint(pixels[i, 0])), int(np.rint(pixels[i, 1]))
+        total, along_u, along_v = 0.0, 0.0, 0.0
+        for y in range(max(v - half, 0), min(v + half + 1, height)):
+            row, row_u = 0.0, 0.0
+            for x in range(max(u - half, 0), min(u + half + 1, width)):
+                energy = float(gx[y, x]) ** 2 + float(gy[y, x]) ** 2
+                row += energy
+                row_u += energy * (x - u)
+            total += row
+            along_u += row_u
+            along_v += row * (y - v)
+        scale = 1.0 / total if total > 0 else 0.0
+        centres[i, 0] = min(max(pixels[i, 0] + along_u * scale, 0.0), width - 1.0)
+        centres[i, 1] = min(max(pixels[i, 1] + along_v * scale, 0.0), height - 1.0)
+
+
+@njit(cache=True, nogil=True)
+def surface(field, pixels, relative, absolute):  # type: ignore[no-untyped-def]
+    """Sample channels (H, W, C) at pixels (N, 2), bilinear where the four around agree, else the nearest."""
+    height, width, channels = field.shape
+    out = np.empty((len(pixels), channels))
+    for i in range(len(pixels)):
+        u = min(max(pixels[i, 0], 0.0), width - 1.0)
+        v = min(max(pixels[i, 1], 0.0), height - 1.0)
+        u0, v0 = min(int(u), width - 2), min(int(v), height - 2)
+        near = field[int(np.rint(v)), int(np.rint(u))]
+        a, b = u - u0, v - v0
+        size = 0.0
+        for c in range(channels):
+            size += near[c] * near[c]
+        tolerance, agree = relative * np.sqrt(size) + absolute, True
+        for c in range(channels):
+            for y in range(v0, v0 + 2):
+                for x in range(u0, u0 + 2):
+                    # not ">": NaN agrees with nothing
+                    agree = agree and abs(field[y, x, c] - near[c]) <= tolerance
+        for c in range(channels):
+            if agree:
+                top = (1 - a) * field[v0, u0, c] + a * field[v0, u0 + 1, c]
+                bottom = (1 - a) * field[v0 + 1, u0, c] + a * field[v0 + 1, u0 + 1, c]
+                out[i, c] = (1 - b) * top + b * bottom
+            else:
+                out[i, c] = near[c]
+    return out

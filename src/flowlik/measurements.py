@@ -11,7 +11,15 @@ from numpy.typing import NDArray
 
 from flowlik.camera import Array
 from flowlik.errors import DataError
-from flowlik.flow.base import DenseFlow, FlowMethod, all_pixels, check_pair, describe, sampler
+from flowlik.flow.base import (
+    DenseFlow,
+    FlowMethod,
+    Windowed,
+    all_pixels,
+    check_pair,
+    describe,
+    sampler,
+)
 from flowlik.signals import Pair, signal
 from flowlik.texture import TextureDefinition, eigenbasis, sample_tensor, structure_tensor
 
@@ -23,11 +31,12 @@ class Measurements:
     Attributes
     ----------
     pixels : array (N, 2)
-        Positions (u, v) in image k-1 [px].
+        Positions (u, v) in image k-1 [px] whose motion the flow is: where it was measured or, of a method
+        with a window, its anchor near there.
     flow : array (N, 2)
         Measured flow [px] in {i}, finite.
     R_i_e : array (N, 2, 2)
-        Eigenbasis of the structure tensor at each pixel of image k-1.
+        Eigenbasis of the structure tensor of image k-1 where the flow was measured.
     t : array (N, 2)
         Texture: eigenvalues t1 >= t2 [intensity^2/px^2] of the structure tensor.
     texture : TextureDefinition
@@ -94,7 +103,8 @@ def measure(
     texture : TextureDefinition, optional
         Definition of texture; the default is the paper's.
     pixels : array (N, 2), optional
-        Where to measure [px]; by default where the method itself chooses.
+        Where to measure [px]; by default where the method itself chooses. The vectors of a method with a
+        window are placed near there (`flowlik.flow.base.Windowed`).
     signals : iterable of str
         Signals to measure besides, as a schedule's index names them.
 
@@ -115,7 +125,8 @@ def measure(
         pixels, flow = method.measure(previous, current)
     m = attach_texture(previous, pixels, flow, method, texture)
     pair = Pair(previous, current, method, flow_at, m.pixels, m.flow)
-    return replace(m, signals={name: signal(name)(pair) for name in signals})
+    placed = method.anchors(previous, m.pixels) if isinstance(method, Windowed) else m.pixels
+    return replace(m, pixels=placed, signals={name: signal(name)(pair) for name in signals})
 
 
 def attach_texture(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flowlik.calibration import Task, calibrate, merge_all, pair_errors, sketch_blocks, split_blocks
-from flowlik.calibration.run import calibration_pixels
+from flowlik.calibration.pairs import calibration_pixels
 from flowlik.camera import Pinhole
 from flowlik.errors import CalibrationError
 from flowlik.families import FAMILIES

@@ -111,6 +111,14 @@ def test_the_full_plan_has_the_papers_frame_counts():
     assert (FULL.width, FULL.height, FULL.fov_deg, FULL.world) == (640, 360, 120.0, "forest")
 
 
+def test_a_share_of_a_plan_has_that_share_of_every_flight():
+    some = FULL.shared(0.1)
+    assert [f.pairs for f in some.held_out] == [100, 198]
+    assert some.frames == pytest.approx(0.1 * FULL.frames, rel=0.01)
+    assert FULL.shared(1.0) == FULL
+    assert {f.pairs for f in QUICK.shared(0.01).calibration} == {2}
+
+
 @pytest.mark.parametrize("plan", [QUICK, FULL])
 def test_plans_hold_out_worlds_and_paths(plan):
     assert not {f.seed for f in plan.calibration} & {f.seed for f in plan.held_out}

@@ -130,6 +130,17 @@ def test_frames_are_the_same_however_they_are_reached(camera: Pinhole) -> None:
     assert pickle.loads(pickle.dumps(first)).image(1).tobytes() == forth[1]
 
 
+@pytest.mark.parametrize("world", ["planes", "grid"])
+def test_a_sequence_is_sent_without_what_was_built(camera: Pinhole, world: str) -> None:
+    sequence = simulate(world, "curve", frames=4, camera=camera)
+    expected = sequence.image(1).tobytes()
+    data = pickle.dumps(sequence)
+    assert len(data) < 20_000
+    first, second = pickle.loads(data), pickle.loads(data)
+    assert first.world is second.world
+    assert first.image(1).tobytes() == expected
+
+
 def _image_bytes(sequence: SimulatedSequence, k: int) -> bytes:
     return sequence.image(k).tobytes()
 

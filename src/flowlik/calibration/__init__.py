@@ -5,13 +5,13 @@ from flowlik.calibration.correlation import measure_correlation
 from flowlik.calibration.executors import executor
 from flowlik.calibration.fit import SMOOTHING_NAT, bootstrap, choose_smoothing, fit, place_knots
 from flowlik.calibration.learn import Rows, learn_index
+from flowlik.calibration.pairs import pair_errors
 from flowlik.calibration.run import (
     BOOTSTRAP_BLOCKS,
     Block,
     Task,
     calibrate,
     gather,
-    pair_errors,
     sketch_blocks,
     split_blocks,
 )

@@ -11,7 +11,8 @@ import numpy as np
 from numba import njit
 from scipy.optimize import nnls
 
-from flowlik.calibration.run import Block, pair_errors
+from flowlik.calibration.pairs import pair_errors
+from flowlik.calibration.run import Block
 from flowlik.camera import Array
 from flowlik.correlation import SCALES_PX, ScoreCorrelation, flow_directions, shapes
 from flowlik.errors import CalibrationError

@@ -15,6 +15,9 @@ def run(
     full: Annotated[
         bool, typer.Option("--full", help="The whole forest at the paper's frame counts: hours.")
     ] = False,
+    share: Annotated[
+        float, typer.Option("--share", min=0.001, max=1.0, help="Share of the frames of --full.")
+    ] = 1.0,
     kitti: Annotated[
         Path | None,
         typer.Option("--kitti", help="Root of KITTI odometry: the paper's Table III, with --model."),
@@ -45,7 +48,9 @@ def run(
         return
     if quick == full:
         raise DataError("say which size: flowlik reproduce --quick, or --full")
-    plan = QUICK if quick else FULL
+    if quick and share != 1:
+        raise DataError("--share is of --full: --quick is small already")
+    plan = QUICK if quick else FULL.shared(share)
     if plan.cached:
         size = plan.frames * BYTES_A_FRAME / 1e9
         typer.echo(

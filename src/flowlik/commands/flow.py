@@ -23,6 +23,7 @@ from flowlik.measurements import Measurements, measure
 from flowlik.model_file import load_likelihood
 from flowlik.records import Record, protocol
 from flowlik.runs import RunFolder
+from flowlik.sampling import sample_flow
 from flowlik.uncertainty_file import write_uncertainty
 from flowlik.viewer import viewer
 
@@ -173,9 +174,8 @@ def _records(
     ]
     if true_flow is None:
         return records
-    column, row = np.rint(m.pixels).astype(int).T
-    truth = true_flow[row, column]
-    known = np.isfinite(truth).all(axis=1)
+    truth = sample_flow(true_flow, m.pixels)
+    known = np.asarray(np.isfinite(truth).all(axis=1))
     z = m.select(known).errors(truth[known])
     for level in COVERAGES:
         inside = np.abs(z) <= likelihood.bound(x[known], level)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 METHODS = ("farneback", "lucas-kanade")
 SPEEDS_MPS = (1.5, 3.0, 6.0, 12.0)
@@ -51,6 +51,14 @@ class Plan:
     def frames(self) -> int:
         """Frames of all flights together."""
         return sum(flight.pairs + 1 for flight in (*self.calibration, *self.held_out))
+
+    def shared(self, share: float) -> Plan:
+        """Plan with the first share of every flight's pairs, at least two."""
+
+        def fewer(flights: tuple[Flight, ...]) -> tuple[Flight, ...]:
+            return tuple(replace(f, pairs=max(2, round(share * f.pairs))) for f in flights)
+
+        return replace(self, calibration=fewer(self.calibration), held_out=fewer(self.held_out))
 
 
 QUICK = Plan(

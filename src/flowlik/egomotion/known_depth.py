@@ -13,6 +13,7 @@ from flowlik.egomotion import _kernels
 from flowlik.egomotion.residual import Bound, Chosen, Equations, InliersOf, count_inliers
 from flowlik.errors import DataError
 from flowlik.measurements import Measurements
+from flowlik.sampling import sample_inverse_depth
 from flowlik.schedule import Index
 
 
@@ -32,8 +33,8 @@ class KnownDepth:
     def of(cls, measurements: Measurements, camera: Pinhole, depth_z: Array) -> KnownDepth:
         """Residual of measurements with a depth map (H, W) [m] along z, or depths (N,) at their pixels.
 
-        Vectors whose depth is NaN, zero, negative or infinite are left out and counted. A map is read
-        at the nearest pixel: depth must not be interpolated across an edge.
+        Vectors whose depth is NaN, zero, negative or infinite are left out and counted. Between pixels a
+        map is interpolated on a surface, never across an edge (`flowlik.sampling`).
 
         Raises
         ------
@@ -50,14 +51,17 @@ class KnownDepth:
                 raise DataError(
                     f"{int((~inside).sum())} measurements lie outside the depth map: another camera's?"
                 )
-            depth_z = depth_z[row, column]
+            inverse_z = sample_inverse_depth(depth_z, measurements.pixels)
         elif depth_z.shape != (len(measurements),):
             raise DataError(f"{len(measurements)} measurements, but depths of shape {depth_z.shape}")
-        usable = np.isfinite(depth_z) & (depth_z > 0)
+        else:
+            with np.errstate(divide="ignore"):
+                inverse_z = 1.0 / depth_z
+        usable = np.isfinite(inverse_z) & (inverse_z > 0)
         kept = measurements.select(usable)
         scale = np.linalg.norm(camera.rays(kept.pixels), axis=-1)
         excluded = {"no depth": int((~usable).sum()), "no flow": measurements.lost}
-        return cls(kept, camera, 1.0 / (depth_z[usable] * scale), excluded)
+        return cls(kept, camera, inverse_z[usable] / scale, excluded)
 
     def __post_init__(self) -> None:
         m, c = self.measurements, self.camera

@@ -70,6 +70,14 @@ class FlowOfPairs(ABC):
         """Return the method that gives the flow from frame k + 1 to k of the same pair."""
 
 
+class Windowed(ABC):
+    """Part of a method that finds one motion for all that its window holds."""
+
+    @abstractmethod
+    def anchors(self, previous: Image, pixels: Array) -> Array:
+        """Where in the image (N, 2) [px] the motion measured at pixels (N, 2) is that of the scene."""
+
+
 def method_for_pair(method: FlowMethod, sequence: Sequence, k: int) -> FlowMethod:
     """Return the method to use from frame k to k + 1 of a sequence: the method itself, but for flow on disk.
 

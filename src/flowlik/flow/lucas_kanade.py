@@ -8,16 +8,24 @@ from typing import ClassVar
 import cv2
 import numpy as np
 
+from flowlik import _kernels
 from flowlik.camera import Array
-from flowlik.flow.base import ZERO_ALLOWED, Image, check_pair, inside_image
+from flowlik.flow.base import ZERO_ALLOWED, Image, Windowed, check_pair, inside_image
+from flowlik.threads import in_bands
+
+PATCHES = 500
 
 
 @dataclass(frozen=True)
-class LucasKanade:
+class LucasKanade(Windowed):
     """Sparse flow of image patches; defaults are the paper's Table I.
 
     Its own choice of pixels is Shi-Tomasi's corners; they are not part of what a model records as
     parameters of the flow, since a likelihood holds wherever the flow is measured.
+
+    Lucas and Kanade's least squares weighs the motions within a patch by their gradients, and where motion
+    varies evenly over the patch what it finds is the motion at the centre of its gradient energy. A vector
+    is placed there and not in the patch's middle, unless ``centred`` asks for the latter.
 
     Parameters
     ----------
@@ -29,6 +37,8 @@ class LucasKanade:
         Most iterations a level.
     epsilon_px : float
         Step below which a level has converged [px].
+    centred : bool
+        Whether a vector is placed in the middle of its patch, as in the paper.
     """
 
     name: ClassVar[str] = "lucas-kanade"
@@ -36,6 +46,7 @@ class LucasKanade:
     max_level: int = field(default=3, metadata=ZERO_ALLOWED)
     iterations: int = 30
     epsilon_px: float = 0.01
+    centred: bool = False
 
     def measure(self, previous: Image, current: Image) -> tuple[Array, Array]:
         """Detect corners (N, 2) and track them: their flow (N, 2) [px]; NaN where lost."""
@@ -58,6 +69,21 @@ class LucasKanade:
         flow = end.reshape(-1, 2).astype(np.float64) - start.reshape(-1, 2)
         flow[(status.ravel() == 0) | ~inside] = np.nan
         return flow
+
+    def anchors(self, previous: Image, pixels: Array) -> Array:
+        """Centres (N, 2) [px] of the gradient energy in the patches around pixels (N, 2)."""
+        if self.centred or len(pixels) == 0:
+            return pixels
+        gx, gy = (cv2.Scharr(previous, cv2.CV_16S, dx, dy) for dx, dy in ((1, 0), (0, 1)))
+        centres = np.empty((len(pixels), 2))
+        in_bands(
+            lambda first, last: _kernels.energy_centres(
+                gx, gy, pixels, self.window // 2, first, last, centres
+            ),
+            len(pixels),
+            PATCHES,
+        )
+        return centres
 
 
 def detect_corners(image: Image, most: int = 4000, quality: float = 0.001, spacing_px: float = 7.0) -> Array:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -66,3 +67,19 @@ class World(Protocol):
     def parameters(self) -> dict[str, Any]:
         """Everything needed to build this world again, as plain JSON values."""
         ...
+
+
+class SentAsParameters:
+    """Part of a world, a frozen dataclass, that goes to another process as its parameters alone.
+
+    What it has built stays here, and is built there when it is first needed, once for equal worlds.
+    """
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return the call that makes an equal world."""
+        return _received, (type(self), tuple(getattr(self, f.name) for f in fields(self)))  # type: ignore[arg-type]
+
+
+@lru_cache(maxsize=2)
+def _received(kind: type, parameters: tuple[Any, ...]) -> Any:
+    return kind(*parameters)

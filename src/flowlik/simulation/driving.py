@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.camera import Pinhole
 from flowlik.errors import DataError
-from flowlik.simulation.base import Frame
+from flowlik.simulation.base import Frame, SentAsParameters
 from flowlik.simulation.driving_kinds import Kinds, make_kinds
 from flowlik.simulation.driving_layout import Layout
 from flowlik.simulation.driving_materials import MATERIALS, material
@@ -41,7 +41,7 @@ _LIGHT = Light(sun=2.5, sky=0.12, haze_per_m=0.0006, horizon=0.75, zenith=0.3)
 
 
 @dataclass(frozen=True)
-class DrivingWorld:
+class DrivingWorld(SentAsParameters):
     """Streets, a country road or a motorway along a route, with everything beside it.
 
     The camera is taken to be 1.65 m above the road and to drive in the right-hand lane. What stands in a
@@ -94,10 +94,6 @@ class DrivingWorld:
         # both complain of what they cannot build
         profile_of(self.scenery, self.route.positions_m, self.frames_per_second)
         drive_of(self.route)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # pickled without what was built: that is made again where it is needed
-        return DrivingWorld, tuple(getattr(self, part.name) for part in fields(self))
 
     @classmethod
     def along(cls, poses: RigidTransform, seed: int = 0, **parameters: Any) -> DrivingWorld:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.camera import Pinhole
 from flowlik.errors import DataError
-from flowlik.simulation.base import Frame
+from flowlik.simulation.base import Frame, SentAsParameters
 from flowlik.simulation.forest_kinds import MATERIALS, make_kinds, material
 from flowlik.simulation.forest_plan import planted
 from flowlik.simulation.geometry import Array, Instances, Prototype, placed
@@ -22,7 +22,7 @@ from flowlik.simulation.terrain_hills import hills
 
 
 @dataclass(frozen=True)
-class ForestWorld:
+class ForestWorld(SentAsParameters):
     """A forest on rolling ground around the centre lines, which it keeps free by 2.2 m.
 
     Parameters

@@ -15,7 +15,7 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.camera import Pinhole
 from flowlik.errors import DataError
-from flowlik.simulation.base import Array, Frame
+from flowlik.simulation.base import Array, Frame, SentAsParameters
 from flowlik.simulation.hall import SIDES, Paint, furnished_hall, hall_clearance, render_hall
 from flowlik.simulation.rectangles import Rectangles
 from flowlik.simulation.textures import CONTRAST_PX, Textures, pack_textures
@@ -24,7 +24,7 @@ PATTERN_PX = 256
 
 
 @dataclass(frozen=True)
-class GridWorld:
+class GridWorld(SentAsParameters):
     """Checkers, bars and dots of one period on every side and rectangle of the hall; no other texture.
 
     Parameters

@@ -11,14 +11,14 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.camera import Pinhole
 from flowlik.errors import DataError
-from flowlik.simulation.base import Array, Frame
+from flowlik.simulation.base import Array, Frame, SentAsParameters
 from flowlik.simulation.hall import SIDES, Paint, furnished_hall, hall_clearance, render_hall
 from flowlik.simulation.rectangles import Rectangles
 from flowlik.simulation.textures import CONTRAST_MAPS, TILES, make_textures
 
 
 @dataclass(frozen=True)
-class PlanesWorld:
+class PlanesWorld(SentAsParameters):
     """Textured planes of exact depth: a hall of 32 x 9.5 x 125 m with rectangles in it.
 
     Parameters
