@@ -135,7 +135,7 @@ def main() -> int:
         words = [sys.executable, __file__, "--seconds", str(options.seconds), "--seed", str(options.seed)]
         child = subprocess.run(
             [*words, "--child", name, str(folder)],
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
             env={**os.environ, "OPENCV_LOG_LEVEL": "SILENT"},
         )  # fmt: skip
         said = child.stdout.splitlines()

@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 import flowlik
+from flowlik.sampling import sample_flow
 from flowlik.texture import eigenbasis, structure_tensor
 
 CONFIDENCE = 0.9
@@ -108,8 +109,9 @@ def grid_world(speeds_mps: tuple[float, ...] = (6.0, 40.0), worlds: tuple[str, .
             pair, truth, visible = (flight.image(0), flight.image(1)), flight.flow(0), flight.visible(0)
             m = flowlik.measure(*pair, flowlik.LucasKanade(), pixels=pixels, signals=model.signals)
             column, row = np.rint(m.pixels).astype(int).T
-            known = np.isfinite(truth[row, column]).all(axis=1) & visible[row, column]
-            flow = truth[row, column][known]
+            flow = sample_flow(truth, m.pixels)
+            known = np.isfinite(flow).all(axis=1) & visible[row, column]
+            flow = flow[known]
             moved_px = float(np.median(np.linalg.norm(flow, axis=1)))
             rows.append((world, speed, moved_px, coverage(model, m.select(known), flow)[0]))
     return rows
