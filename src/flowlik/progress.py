@@ -64,6 +64,6 @@ def _lines(items: Iterable[T], what: str, total: int, every_s: float = 20.0) -> 
 def _rate(a_second: float) -> str:
     """Items over time in the unit that reads best."""
     for unit, seconds in (("s", 1), ("min", 60)):
-        if a_second * seconds >= 1:
-            return f"{a_second * seconds:.3g}/{unit}"
+        if (rate := a_second * seconds) >= 1:
+            return f"{rate:.0f}/{unit}" if rate >= 100 else f"{rate:.3g}/{unit}"
     return f"{a_second * 3600:.3g}/h"
