@@ -144,9 +144,14 @@ def _uncertainty(path: Path) -> None:
 
 
 def _images() -> dict[str, Target]:
-    colour = cv2.cvtColor(fakes.picture(0), cv2.COLOR_GRAY2BGR)
+    grey = fakes.picture(0)
+    colour = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
+
+    def write(path: Path) -> None:
+        fakes.save(path, grey if path.suffix == ".pgm" else colour)
+
     return {
-        f"image {suffix}": Target(file_of(f"a.{suffix}", lambda p: cv2.imwrite(str(p), colour)), read_grey)
+        f"image {suffix}": Target(file_of(f"a.{suffix}", write), read_grey)
         for suffix in ("png", "jpg", "bmp", "pgm", "ppm", "tif", "webp")
     }
 
