@@ -319,3 +319,17 @@ def test_a_folder_without_a_run_has_no_report(tmp_path):
     outcome = call("report", tmp_path)
     assert (outcome.code, len(outcome.err)) == (2, 1)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("option", "package", "extra"), [("--record", "rerun", "viz"), ("--bag", "rosbags", "ros")]
+)
+def test_a_missing_extra_is_one_line_that_names_it(flight, out, monkeypatch, option, package, extra):
+    def lacking(name):
+        raise ModuleNotFoundError(name)
+
+    monkeypatch.setattr("flowlik.extras.import_module", lacking)
+    outcome = call("odometry", flight, "--estimator", "ransac", option, "--out", out)
+    assert outcome.code == 2
+    assert len(outcome.err) == 1
+    assert outcome.err[0].endswith(f"needs {package}: pip install 'flowlik[{extra}]'")

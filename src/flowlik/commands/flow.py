@@ -85,6 +85,7 @@ def flow(
     true_flow = None if truth is None else _read_truth(truth, image.shape)
     run = RunFolder(out, command, {"model": str(model), "confidence": confidence, "method": describe(chosen)})
 
+    shown = viewer(view, run.begin() / "view.rrd" if record else None)
     x = likelihood.coordinate(m)
     half_width = likelihood.bound(x, confidence)
     run.records = _records(
@@ -95,7 +96,6 @@ def flow(
     picture = _picture(image, m, half_width, confidence)
     run.save("uncertainty", method_label(m.method), picture)
     _write(run, picture, m, half_width, confidence)
-    shown = viewer(view, run.path / "view.rrd" if record else None)
     shown.pair(0.0, image, m, likelihood, confidence)
     shown.close()
     run.finish()

@@ -149,7 +149,7 @@ def odometry(
     robot = Odometry(sequence.camera, flow, chosen, seed, source, settings, boresight == "causal")
     loop = run_odometry(sequence, robot, kind, frames)
     start = time.perf_counter()
-    watched = watched_by(viewer(view, run.path / "view.rrd" if record else None), loop, sequence, robot)
+    watched = watched_by(viewer(view, run.begin() / "view.rrd" if record else None), loop, sequence, robot)
     motions = list(progress(watched, f"{estimator} on {sequence.name}", count - 1))
     seconds = time.perf_counter() - start
     if not any(motion.solved for motion in motions):
