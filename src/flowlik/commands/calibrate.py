@@ -118,7 +118,8 @@ def calibrate(
     names = ", ".join(sequence.name for sequence in sequences)
     provenance: dict[str, object] = {"data": names, "seed": seed}
     by_texture, by_flow = ([block for p in populations if p for block in p[kind]] for kind in (0, 1))
-    models = fit_families(by_texture, flow, provenance)
+    # each fit takes seconds to a minute: whoever waits is told of it
+    models = fit_families(by_texture, flow, provenance, progress=progress)
     add_evidence(run, by_texture, models, names, label=label, seed=seed, split="calibration")
     if schedule == "texture":
         chosen, blocks_of_chosen = models[family], by_texture
@@ -150,11 +151,12 @@ def fit_families(
     provenance: dict[str, object],
     names: Sequence[str] = tuple(FAMILIES),
     smoothing: float | None = None,
+    progress: Progress = no_progress,
 ) -> dict[str, FlowLikelihood]:
     """Likelihoods of families on the same sketches, by name."""
     return {
         name: fit_likelihood(sketches, error_family(name), method, provenance=provenance, smoothing=smoothing)
-        for name in names
+        for name in progress(names, "families fitted", len(names))
     }
 
 
