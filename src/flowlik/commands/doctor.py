@@ -100,8 +100,8 @@ def _checks() -> list[Check]:
         first, second, h = _scene()
         likelihood = load_likelihood(MODEL)
         m = measure(first, second, flow_method(MODEL), likelihood.texture, signals=likelihood.signals)
-    except FlowlikError as error:
-        return [*found, Check("flow", False, str(error), 0.0)]
+    except Exception as error:
+        return [*found, Check("flow", False, f"{type(error).__name__}: {error}", 0.0)]
 
     def flow() -> str:
         column, row = np.rint(m.pixels).astype(int).T
@@ -130,6 +130,9 @@ def _timed(name: str, attempt: object) -> Check:
         return Check(name, True, attempt(), time.perf_counter() - start)
     except FlowlikError as error:
         return Check(name, False, str(error), time.perf_counter() - start)
+    except Exception as error:  # packages that do not fit one another fail in any way
+        found = f"{type(error).__name__}: {error}"
+        return Check(name, False, found, time.perf_counter() - start)
 
 
 def _scene() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
