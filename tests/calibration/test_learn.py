@@ -69,8 +69,8 @@ def test_products_find_what_bends(rows):
 def test_the_gradient_is_the_objectives_derivative(monkeypatch, rows):
     caught = {}
 
-    def stop(objective, start, **options):
-        caught.update(objective=objective, start=start)
+    def stop(objective, start, rows, **options):
+        caught.update(objective=lambda flat: objective(flat, *rows), start=start)
         raise StopIteration
 
     monkeypatch.setattr("flowlik.calibration.learn.minimize", stop)

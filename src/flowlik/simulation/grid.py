@@ -6,25 +6,22 @@ as the right one.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
 from flowlik.errors import DataError
-from flowlik.simulation.base import Array, Frame, SentAsParameters
-from flowlik.simulation.hall import SIDES, Paint, furnished_hall, hall_clearance, render_hall
-from flowlik.simulation.rectangles import Rectangles
+from flowlik.simulation.base import Array
+from flowlik.simulation.hall import SIDES, HallWorld, Paint
 from flowlik.simulation.textures import CONTRAST_PX, Textures, pack_textures
 
 PATTERN_PX = 256
 
 
 @dataclass(frozen=True)
-class GridWorld(SentAsParameters):
+class GridWorld(HallWorld):
     """Checkers, bars and dots of one period on every side and rectangle of the hall; no other texture.
 
     Parameters
@@ -44,10 +41,7 @@ class GridWorld(SentAsParameters):
         If `seed` or `rectangles` is negative, `period_m` is not positive or `samples` is less than 1.
     """
 
-    seed: int = 0
     period_m: float = 0.5
-    rectangles: int = 70
-    samples: int = 8
 
     name: ClassVar[str] = "grid"
 
@@ -57,27 +51,6 @@ class GridWorld(SentAsParameters):
                 f"impossible {self}: seed and rectangles must be 0 or more, samples 1 or more, "
                 "the period positive"
             )
-
-    def parameters(self) -> dict[str, Any]:
-        """Everything needed to build this world again, as plain JSON values."""
-        return asdict(self)
-
-    def render(self, T_n_c: RigidTransform, camera: Pinhole, time_s: float = 0.0) -> Frame:
-        """Anti-aliased picture and exact depth from one pose; at any time the same."""
-        return render_hall(self.surfaces, self._paint, self.samples, T_n_c, camera)
-
-    def mover_poses(self, time_s: float) -> None:
-        """Return None: nothing moves."""
-        return None
-
-    def clearance(self, positions: Array) -> Array:
-        """Distance (N,) [m] of positions (N, 3) in {n} to the nearest surface; negative outside the hall."""
-        return hall_clearance(positions, self.surfaces)
-
-    @property
-    def surfaces(self) -> Rectangles:
-        """The six sides of the hall followed by the rectangles, which keep clear of the centre lines."""
-        return furnished_hall(self.seed, self.rectangles)
 
     @cached_property
     def _paint(self) -> Paint:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from abc import abstractmethod
+from dataclasses import asdict, dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +13,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.camera import Pinhole
 from flowlik.simulation._kernels import render_rectangles
-from flowlik.simulation.base import Frame
+from flowlik.simulation.base import Frame, SentAsParameters
 from flowlik.simulation.paths import FREE_RADIUS_M, keep_free
 from flowlik.simulation.rectangles import Rectangles, box, distances_m, pixel_bounds, ray_equations
 from flowlik.simulation.textures import CONTRAST_PX, Textures
@@ -47,6 +49,41 @@ class Paint:
     textures: Textures
     tiles: NDArray[np.int64]
     looks: Array
+
+
+@dataclass(frozen=True)
+class HallWorld(SentAsParameters):
+    """Part that worlds in the hall share: they say what is painted, this says the rest."""
+
+    seed: int = 0
+    rectangles: int = 70
+    samples: int = 8
+
+    @property
+    @abstractmethod
+    def _paint(self) -> Paint:
+        """What is painted on each of `surfaces`."""
+
+    def parameters(self) -> dict[str, Any]:
+        """Everything needed to build this world again, as plain JSON values."""
+        return asdict(self)
+
+    def render(self, T_n_c: RigidTransform, camera: Pinhole, time_s: float = 0.0) -> Frame:
+        """Anti-aliased picture and exact depth from one pose; at any time the same."""
+        return render_hall(self.surfaces, self._paint, self.samples, T_n_c, camera)
+
+    def mover_poses(self, time_s: float) -> None:
+        """Return None: nothing moves."""
+        return None
+
+    def clearance(self, positions: Array) -> Array:
+        """Distance (N,) [m] of positions (N, 3) in {n} to the nearest surface; negative outside the hall."""
+        return hall_clearance(positions, self.surfaces)
+
+    @property
+    def surfaces(self) -> Rectangles:
+        """The six sides of the hall followed by the rectangles, which keep clear of the centre lines."""
+        return furnished_hall(self.seed, self.rectangles)
 
 
 @lru_cache(maxsize=8)

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
 from flowlik.errors import DataError
-from flowlik.simulation.base import Array, Frame, SentAsParameters
-from flowlik.simulation.hall import SIDES, Paint, furnished_hall, hall_clearance, render_hall
-from flowlik.simulation.rectangles import Rectangles
+from flowlik.simulation.hall import SIDES, HallWorld, Paint
 from flowlik.simulation.textures import CONTRAST_MAPS, TILES, make_textures
 
 
 @dataclass(frozen=True)
-class PlanesWorld(SentAsParameters):
+class PlanesWorld(HallWorld):
     """Textured planes of exact depth: a hall of 32 x 9.5 x 125 m with rectangles in it.
 
     Parameters
@@ -36,36 +32,11 @@ class PlanesWorld(SentAsParameters):
         If `seed` or `rectangles` is negative or `samples` is less than 1.
     """
 
-    seed: int = 0
-    rectangles: int = 70
-    samples: int = 8
-
     name: ClassVar[str] = "planes"
 
     def __post_init__(self) -> None:
         if self.seed < 0 or self.rectangles < 0 or self.samples < 1:
             raise DataError(f"impossible {self}: seed and rectangles must be 0 or more, samples 1 or more")
-
-    def parameters(self) -> dict[str, Any]:
-        """Everything needed to build this world again, as plain JSON values."""
-        return asdict(self)
-
-    def render(self, T_n_c: RigidTransform, camera: Pinhole, time_s: float = 0.0) -> Frame:
-        """Anti-aliased picture and exact depth from one pose; at any time the same."""
-        return render_hall(self.surfaces, self._paint, self.samples, T_n_c, camera)
-
-    def mover_poses(self, time_s: float) -> None:
-        """Return None: nothing moves."""
-        return None
-
-    def clearance(self, positions: Array) -> Array:
-        """Distance (N,) [m] of positions (N, 3) in {n} to the nearest surface; negative outside the hall."""
-        return hall_clearance(positions, self.surfaces)
-
-    @property
-    def surfaces(self) -> Rectangles:
-        """The six sides of the hall followed by the rectangles, which keep clear of the centre lines."""
-        return furnished_hall(self.seed, self.rectangles)
 
     @cached_property
     def _paint(self) -> Paint:
