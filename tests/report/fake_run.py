@@ -161,6 +161,7 @@ def trajectories(rng, N=120):
         "timestamps": np.linspace(0, 12, N),
         "truth": truth,
         "unit": np.array("m"),
+        "unsolved": rng.random((2, N)) < 0.03,
     }
 
 

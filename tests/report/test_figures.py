@@ -57,7 +57,7 @@ def test_unknown_everywhere_is_drawn():
 
 def test_trajectory_without_truth_and_with_gaps_is_drawn():
     data = make("trajectories")
-    del data["truth"]
+    del data["truth"], data["unsolved"]
     data["positions"][0, 50:] = np.nan
     assert render("trajectories", data).png.startswith(PNG)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.commands.odometry_files import write_frames, write_intrinsics
@@ -163,7 +164,8 @@ def odometry(
         "timestamps": getattr(sequence, "times_source", None),
     }  # fmt: skip
     run.records = _records(sequence, estimated, truth, motions, chosen, flow, seed, keys, seconds)
-    _figures(run, estimated, truth, estimator, flow, metric=scale != "none")
+    unsolved = np.array([False, *(not motion.solved for motion in motions)])
+    _figures(run, estimated, truth, unsolved, estimator, flow, metric=scale != "none")
     (outside,) = select(run.records, metric="outside_fraction")
     if skip_bad_frames:
         run.records.append(_skipped_record(run.records[0], skipped))
@@ -247,7 +249,13 @@ def _records(
 
 
 def _figures(
-    run: RunFolder, estimated: Trajectory, truth: Trajectory | None, name: str, flow: FlowMethod, metric: bool
+    run: RunFolder,
+    estimated: Trajectory,
+    truth: Trajectory | None,
+    unsolved: NDArray[np.bool_],
+    name: str,
+    flow: FlowMethod,
+    metric: bool,
 ) -> None:
     label = method_label(describe(flow))
     origin = estimated.poses[0] if truth is None else truth.poses[0]
@@ -257,6 +265,7 @@ def _figures(
         "positions": positions,
         "timestamps": estimated.timestamps,
         "unit": np.array("m" if metric else "steps"),
+        "unsolved": unsolved[None],
     }
     if truth is not None and metric:
         arrays["truth"] = truth.positions

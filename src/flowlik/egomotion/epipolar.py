@@ -69,9 +69,19 @@ class Epipolar:
         """Coordinates x (N,) along the normals of the epipolar lines."""
         return index.along(self.measurements, self.linearise_with_normal(T)[1], self._held(index))
 
+    def eigen_coordinates(self, index: Index) -> Array:
+        """Coordinates x (N, 2) of the eigen-components."""
+        return index.of(self.measurements)
+
     def equations(self, T: Array, chosen: Chosen, widened: float = 1.0) -> Equations:
         """Normal equations of the chosen components."""
         return equations_of(*self.linearise(T), chosen, widened)
+
+    def total_score(self, T: Array, chosen: Chosen, bounds: Array) -> Array:
+        """Gradient of the log-density of the chosen components within their bounds."""
+        z, J = self.linearise(T)
+        within = chosen._replace(used=chosen.used & (np.abs(z) <= bounds))
+        return equations_of(z, J, within, 1.0).b
 
     def directions(self, T: Array) -> Array:
         """Normals (N, 2) of the epipolar lines."""
