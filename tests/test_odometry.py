@@ -113,7 +113,8 @@ def test_the_epipolar_residual_takes_its_scale_from_the_distance(estimator):
         distance = np.linalg.norm(MOTIONS[k - 1].translation) if k else None
         motion = odometry.step(frame(k), 0.1 * k, distance_m=distance)
     assert motion.scale_known
-    assert_same(odometry.poses, poses(MOTIONS), atol=1e-3)
+    # a maximisation ends within a tenth of a standard deviation, and which samples start it decides where
+    assert_same(odometry.poses, poses(MOTIONS), atol=2e-3)
 
 
 def test_without_a_distance_steps_have_unit_length(estimator):
