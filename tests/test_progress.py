@@ -25,7 +25,7 @@ def test_plain_lines_tell_the_time_left(monkeypatch, capsys):
     clock = itertools.count(step=15.0)
     monkeypatch.setattr(progress.time, "monotonic", lambda: next(clock))
     list(terminal_progress(range(4), "frames", 4))
-    assert capsys.readouterr().err.splitlines() == ["frames: 2/4, 30 s left", "frames: 4 in 75.0 s"]
+    assert capsys.readouterr().err.splitlines() == ["frames: 2/4, 4/min, 30 s left", "frames: 4 in 75.0 s"]
 
 
 def test_an_error_passes_through(capsys):
@@ -36,3 +36,15 @@ def test_an_error_passes_through(capsys):
     with pytest.raises(KeyboardInterrupt):
         list(terminal_progress(broken(), "work", 2))
     assert "work: " not in capsys.readouterr().err
+
+
+def test_logs_hold_whole_lines_only(capsys):
+    list(terminal_progress(range(3), "frames", 3))
+    assert "\r" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("a_second", "said"), [(1234.4, "1234/s"), (2.5, "2.5/s"), (0.5, "30/min"), (1e-3, "3.6/h")]
+)
+def test_rates_are_in_the_unit_that_reads_best(a_second, said):
+    assert progress._rate(a_second) == said

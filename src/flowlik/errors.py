@@ -19,3 +19,7 @@ class ModelError(FlowlikError):
 
 class CalibrationError(FlowlikError):
     """A likelihood could not be calibrated from the data given."""
+
+
+class MissingExtraError(FlowlikError):
+    """A package that an extra brings is not installed."""

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import math
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -13,6 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.errors import DataError
+
+FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS, errno.EIO)
+"""What a file system says when it takes no more."""
+
+MAX_TEXT_BYTES = 2**29
+MAX_NPZ_BYTES = 2**31
+"""Unpacked size of an npz file; one that claims more is taken for damage before memory is asked for."""
 
 
 @contextmanager
@@ -38,7 +48,7 @@ def atomic_write(path: Path | str, mode: str = "w") -> Iterator[IO[Any]]:
     Raises
     ------
     DataError
-        If the place cannot be written to.
+        If the place cannot be written to, or is full.
     """
     if mode not in ("w", "wb"):
         raise ValueError(f"mode must be 'w' or 'wb', not {mode!r}")
@@ -54,9 +64,11 @@ def atomic_write(path: Path | str, mode: str = "w") -> Iterator[IO[Any]]:
         with file:
             yield file
         partial.replace(path)
-    except BaseException:
+    except BaseException as error:
         with suppress(OSError):
             partial.unlink()
+        if isinstance(error, OSError) and error.errno in FULL:
+            raise DataError(f"{path}: cannot be written ({error.strerror})") from error
         raise
 
 
@@ -102,6 +114,8 @@ def read_text(path: Path | str) -> str:
     """
     path = Path(path)
     try:
+        if path.stat().st_size > MAX_TEXT_BYTES:
+            raise DataError(f"{path}: a text file of more than {MAX_TEXT_BYTES >> 20} MiB is not read")
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError as error:
         raise DataError(f"{path}: no such file") from error
@@ -109,6 +123,46 @@ def read_text(path: Path | str) -> str:
         raise DataError(f"{path}: not a text file") from error
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+
+
+def read_npz(path: Path | str) -> dict[str, NDArray[Any]]:
+    """Read all arrays of an npz file, without pickled objects and only as much as the file holds.
+
+    Raises
+    ------
+    DataError
+        If the file is missing, damaged, holds objects, or claims more than `MAX_NPZ_BYTES`.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = archive.infolist()
+            if sum(member.file_size for member in members) > MAX_NPZ_BYTES:
+                raise DataError(f"{path}: claims more than {MAX_NPZ_BYTES >> 20} MiB, damaged?")
+            return {m.filename.removesuffix(".npy"): _read_member(archive, m) for m in members}
+    except DataError:
+        raise
+    except FileNotFoundError as error:
+        raise DataError(f"{path}: no such file") from error
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except Exception as error:  # zip, zlib and NumPy's parser of headers raise a dozen kinds
+        raise DataError(f"{path}: not a readable npz file ({type(error).__name__})") from error
+
+
+def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
+    """One array, after its header has been held against the size of the member."""
+    with archive.open(member) as file:
+        version = np.lib.format.read_magic(file)
+        header = np.lib.format.read_array_header_1_0 if version == (1, 0) else _header_2_0
+        shape, _, dtype = header(file)
+    if dtype.hasobject or dtype.itemsize * math.prod(shape) > member.file_size:
+        raise ValueError("a header that does not fit its array")
+    with archive.open(member) as file:
+        return np.asarray(np.lib.format.read_array(file, allow_pickle=False))
+
+
+def _header_2_0(file: Any) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    return np.lib.format.read_array_header_2_0(file)
 
 
 def read_table(path: Path | str, columns: int, layout: str) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

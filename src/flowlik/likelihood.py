@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.integrate import trapezoid
 
 from flowlik import tables
 from flowlik.camera import Array
@@ -162,4 +163,4 @@ class FlowLikelihood:
             s = s[0] + (np.minimum(last, s[-1]) - s[0]) * np.linspace(0, 1, 1500)[:, None]
         z, theta = np.exp(s).reshape(1500, -1), self.schedule.theta(self._nodes)[:, None, :]
         integrand = self.family.gradient(z, theta)[0] ** 2 * self.family.pdf(z, theta) * z
-        return np.asarray(2 * np.trapezoid(integrand, s.reshape(1500, -1), axis=0), dtype=np.float64)
+        return np.asarray(2 * trapezoid(integrand, s.reshape(1500, -1), axis=0), dtype=np.float64)

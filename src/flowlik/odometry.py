@@ -32,6 +32,7 @@ class Step(NamedTuple):
     measurements: Measurements
     camera: Pinhole
     motion: EgoMotion
+    residual: Residual
 
 
 class Odometry:
@@ -61,7 +62,8 @@ class Odometry:
     intrinsics : list of Intrinsics
         What is known of the camera after every frame, where it is refined.
     last : Step or None
-        Measurements of the last frame, as a pinhole camera would have made them, that camera, and the motion.
+        Measurements of the last frame, as a pinhole camera would have made them, that camera, the motion, and
+        the residual it was estimated from.
     """
 
     def __init__(
@@ -198,7 +200,7 @@ class Odometry:
                 T = motion.T_k_prev.as_matrix()[:3]
                 intrinsics = intrinsics.updated(raw, T, self.estimator.likelihood)
             self.intrinsics.append(intrinsics)
-        self.last = Step(m, camera, motion)
+        self.last = Step(m, camera, motion, residual)
         return motion
 
     def _with_length(self, motion: EgoMotion, k: int, distance_m: float | None) -> EgoMotion:

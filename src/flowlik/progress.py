@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterable, Iterator
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 T = TypeVar("T")
 
@@ -35,7 +35,13 @@ def _bar(items: Iterable[T], what: str, total: int) -> Iterator[T]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn(f"{what:<32}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    class Rate(TextColumn):
+        def render(self, task: Any) -> Any:
+            from rich.text import Text
+
+            return Text(_rate(task.speed) if task.speed else "")
+
+    columns = (TextColumn(f"{what:<32}"), BarColumn(), MofNCompleteColumn(), Rate(""), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True)) as bar:
         yield from bar.track(items, total=total)
 
@@ -48,7 +54,16 @@ def _lines(items: Iterable[T], what: str, total: int, every_s: float = 20.0) -> 
         done += 1
         now = time.monotonic()
         if now - last >= every_s and done < total:
-            left = (now - start) / done * (total - done)
-            print(f"{what}: {done}/{total}, {left:.0f} s left", file=sys.stderr, flush=True)
+            rate = done / (now - start)
+            left = f"{(total - done) / rate:.0f} s left"
+            print(f"{what}: {done}/{total}, {_rate(rate)}, {left}", file=sys.stderr, flush=True)
             last = now
     print(f"{what}: {done} in {time.monotonic() - start:.1f} s", file=sys.stderr, flush=True)
+
+
+def _rate(a_second: float) -> str:
+    """Items over time in the unit that reads best."""
+    for unit, seconds in (("s", 1), ("min", 60)):
+        if (rate := a_second * seconds) >= 1:
+            return f"{rate:.0f}/{unit}" if rate >= 100 else f"{rate:.3g}/{unit}"
+    return f"{a_second * 3600:.3g}/h"

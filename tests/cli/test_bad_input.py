@@ -274,3 +274,34 @@ def test_a_folder_without_a_run_has_no_report(tmp_path):
     outcome = call("report", tmp_path)
     assert (outcome.code, len(outcome.err)) == (2, 1)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("option", "package", "extra"), [("--record", "rerun", "viz"), ("--bag", "rosbags", "ros")]
+)
+def test_a_missing_extra_is_one_line_that_names_it(flight, out, monkeypatch, option, package, extra):
+    def lacking(name):
+        raise ModuleNotFoundError(name)
+
+    monkeypatch.setattr("flowlik.extras.import_module", lacking)
+    outcome = call("odometry", flight, "--estimator", "ransac", option, "--out", out)
+    assert outcome.code == 2
+    assert len(outcome.err) == 1
+    assert outcome.err[0].endswith(f"needs {package}: pip install 'flowlik[{extra}]'")
+
+
+@pytest.mark.parametrize("command", ["calibrate", "evaluate", "odometry"])
+def test_a_camera_for_data_that_has_its_own(flight, models, out, command):
+    words = {
+        "calibrate": (flight, "--method", "dis"),
+        "evaluate": (models["lucas-kanade"], flight),
+        "odometry": (flight, "--estimator", "ransac"),
+    }[command]
+    refuse(command, *words, "--camera", "50,48,32", out=out, message="has its own camera")
+
+
+def test_a_camera_file_that_is_none(flight, out, tmp_path):
+    (tmp_path / "camera.yaml").write_text("a: 1")
+    images = flight / "image_lcam_front"
+    words = ("odometry", images, "--estimator", "ransac", "--camera", tmp_path / "camera.yaml")
+    refuse(*words, out=out, message="neither camera_matrix nor intrinsics")

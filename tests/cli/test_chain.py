@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from flowlik.datasets import open_sequence
-from flowlik.datasets.flow_files import write_flo
+from flowlik.datasets.flow_files import read_flow, write_flo
 from flowlik.model_file import load_likelihood
 from flowlik.records import FILE_KEYS, read_records, select
 from flowlik.simulation.trajectories import curve
 from flowlik.trajectory import Trajectory, read_kitti, read_tum, write_kitti, write_tum
+from flowlik.trajectory_covariance import read_covariance_csv
+from flowlik.uncertainty_file import read_uncertainty
 from tests.cli.call import call, succeed
 from tests.cli.conftest import METHODS, image_of
 
@@ -116,6 +118,15 @@ def test_flow_with_truth(flight, models, tmp_path):
     np.testing.assert_allclose(levels, [0.5, 0.68, 0.9, 0.95], atol=0.15)
     arrays = np.load(tmp_path / "run" / "flow.npz")
     assert arrays["flow_px"].shape == arrays["half_width_px"].shape == (96 * 64, 2)
+    flow = arrays["flow_px"].reshape(64, 96, 2)
+    np.testing.assert_allclose(read_flow(tmp_path / "run" / "flow.flo"), flow, atol=1e-5)
+    np.testing.assert_allclose(read_flow(tmp_path / "run" / "flow.png"), flow, atol=0.5 / 64)
+    uncertainty = read_uncertainty(tmp_path / "run" / "uncertainty.png")
+    half_width = np.clip(arrays["half_width_px"].reshape(64, 96, 2), 1 / 256, 65535 / 256)
+    np.testing.assert_allclose(uncertainty.half_width_px, half_width, atol=0.51 / 256)
+    e1 = arrays["R_i_e"][:, :, 0].reshape(64, 96, 2)
+    along = np.stack([np.cos(uncertainty.angle), np.sin(uncertainty.angle)], axis=-1)
+    np.testing.assert_allclose(np.abs((e1 * along).sum(axis=-1)), 1, atol=1e-6)
     assert records["half_width_e2_median_px"] == pytest.approx(np.median(arrays["half_width_px"][:, 1]))
 
 
@@ -138,6 +149,10 @@ def test_odometry_drift_and_report(flight, models, tmp_path):
     # the files hold the same trajectory, and `drift` says the same of it
     kitti, tum = read_kitti(run / "trajectory_kitti.txt"), read_tum(run / "trajectory_tum.txt")
     np.testing.assert_allclose(kitti.positions, tum.positions, atol=1e-12)
+    covariance = read_covariance_csv(run / "covariance.csv")
+    np.testing.assert_array_equal(covariance.timestamps, tum.timestamps)
+    assert np.linalg.eigvalsh(covariance.poses[1:]).min() > 0
+    np.testing.assert_array_equal(np.load(run / "trajectory.npz")["pose_covariance"], covariance.poses)
     rows = list(csv.DictReader((run / "frames.csv").open()))
     assert [row["status"] for row in rows] == ["solved"] * 8
     write = tmp_path / "truth.txt"

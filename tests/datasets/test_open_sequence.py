@@ -39,7 +39,7 @@ def test_every_layout_is_guessed_and_opened(tmp_path, name):
 
 
 def test_guessing_knows_all_formats(tmp_path):
-    assert set(FORMATS) == {*MAKERS, "kitti", "kitti-raw", "tartanair", "video"}
+    assert set(FORMATS) == {*MAKERS, "kitti", "kitti-raw", "tartanair", "video", "ros"}
     (tmp_path / "film.MP4").write_bytes(b"")
     assert guess_format(tmp_path / "film.MP4") == "video"
     (tmp_path / "notes.txt").write_text("hello")
@@ -52,7 +52,7 @@ def test_guessing_knows_all_formats(tmp_path):
 @pytest.mark.parametrize("name", ["sintel", "kitti-flow", "middlebury-flow", "flying-chairs", "euroc"])
 def test_formats_with_a_camera_of_their_own_or_none_take_none(tmp_path, name):
     folder = MAKERS[name](tmp_path)
-    with pytest.raises(DataError, match="only seven-scenes, tum-rgbd, video, image-folder take one"):
+    with pytest.raises(DataError, match="only seven-scenes, tum-rgbd, ros, video, image-folder take one"):
         open_sequence(folder, camera="50,20,15")
     with pytest.raises(DataError, match="only video, image-folder take one"):
         open_sequence(folder, frames_per_second=10)

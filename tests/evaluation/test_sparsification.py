@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.integrate import trapezoid
 
 from flowlik.evaluation.sparsification import CAP_PX, REMOVED, sparsification, sparsification_arrays
 from flowlik.families import Gaussian, LaplaceCauchy
@@ -36,7 +37,7 @@ def test_a_sketch_tells_the_curves_of_raw_samples(model, name):
     tolerance = 0.08 if name == "rmse" else 0.03
     np.testing.assert_allclose(found.by_spread[name][near], curves[0][near], atol=tolerance)
     np.testing.assert_allclose(found.oracle[name], curves[1], atol=0.02)
-    area = np.trapezoid(curves[0] - curves[1], REMOVED)
+    area = trapezoid(curves[0] - curves[1], REMOVED)
     assert found.ause(name) == pytest.approx(area, abs=0.01)
     expected = stats.spearmanr(spread, magnitude).statistic
     assert found.rank_correlation == pytest.approx(expected, abs=5e-3)

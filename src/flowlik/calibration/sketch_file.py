@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 
 from flowlik.calibration.sketch import ErrorSketch
 from flowlik.errors import DataError
-from flowlik.files import atomic_write
+from flowlik.files import atomic_write, read_npz
 from flowlik.schedule import index_of_values, index_values
 
 LAYOUT = 1
@@ -40,20 +39,19 @@ def load_sketch(path: Path | str) -> ErrorSketch:
         If the file is missing, damaged, or has other bins.
     """
     path = Path(path)
+    if not path.is_file():
+        raise DataError(f"{path}: cannot read the sketch (no such file)")
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as data:
-            header = json.loads(str(data["header"]))
-            arrays = {name: data[name] for name in ARRAYS}
-            sketch = ErrorSketch(
-                index=index_of_values(header["index"]),
-                pairs=int(header["pairs"]),
-                columns=tuple(str(name) for name in header["columns"]),
-                excluded={str(k): int(v) for k, v in header["excluded"].items()},
-                **arrays,
-            )
-    except OSError as error:
-        raise DataError(f"{path}: cannot read the sketch ({error.strerror or error})") from None
-    except Exception as error:  # zip, zlib and numpy's parser of headers raise a dozen kinds
+        data: Any = read_npz(path)
+        header = json.loads(str(data["header"]))
+        sketch = ErrorSketch(
+            index=index_of_values(header["index"]),
+            pairs=int(header["pairs"]),
+            columns=tuple(str(name) for name in header["columns"]),
+            excluded={str(k): int(v) for k, v in header["excluded"].items()},
+            **{name: data[name] for name in ARRAYS},
+        )
+    except Exception as error:  # of a header, anything may be missing or of another type
         reason = " ".join(str(error).split())
         raise DataError(f"{path}: not a flowlik sketch ({reason})") from None
     empty = ErrorSketch.empty(sketch.index, sketch.columns)

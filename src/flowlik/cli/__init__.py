@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import sys
 
 
@@ -14,6 +15,21 @@ def main() -> None:
         app()
     except FlowlikError as error:
         print(f"flowlik: {error}", file=sys.stderr)
+        sys.exit(2)
+    except OSError as error:
+        if error.errno not in (
+            errno.ENOSPC,
+            errno.EFBIG,
+            errno.EDQUOT,
+            errno.EROFS,
+            errno.EACCES,
+            errno.EPERM,
+        ):
+            raise
+        print(f"flowlik: {error.filename or 'a file'}: cannot be written ({error.strerror})", file=sys.stderr)
+        sys.exit(2)
+    except MemoryError:
+        print("flowlik: out of memory; smaller images or fewer workers may help", file=sys.stderr)
         sys.exit(2)
     except SystemExit as end:
         # what typer makes of a KeyboardInterrupt

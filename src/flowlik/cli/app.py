@@ -4,18 +4,31 @@ from __future__ import annotations
 
 import typer
 
-from flowlik.cli import calibrate, drift, evaluate, flow, models, odometry, report, reproduce, simulate
+from flowlik.cli import (
+    calibrate,
+    doctor,
+    drift,
+    evaluate,
+    flow,
+    models,
+    odometry,
+    report,
+    reproduce,
+    simulate,
+)
 
 app = typer.Typer(
     name="flowlik",
     help="Honest error distributions for optical flow: calibrate them, check them, use them.",
+    epilog="Begin with `flowlik doctor`, then `flowlik flow a.png b.png --model farneback --out picture`. "
+    "Complete options by the tab key: `flowlik --install-completion`.",
     no_args_is_help=True,
     add_completion=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for module in (reproduce, simulate, calibrate, evaluate, flow, odometry, drift, models, report):
+for module in (reproduce, simulate, calibrate, evaluate, flow, odometry, drift, models, report, doctor):
     app.command(name=module.__name__.rsplit(".", 1)[-1])(module.run)
 
 

@@ -7,8 +7,10 @@ from typing import Annotated
 
 import typer
 
+from flowlik.cli import complete
 from flowlik.cli.options import (
     METHOD_HELP,
+    Camera,
     Executor,
     Format,
     Json,
@@ -24,18 +26,24 @@ from flowlik.cli.options import (
 
 def run(
     data: Annotated[list[Path], typer.Argument(help="Folders of sequences with true flow.")],
-    method: Annotated[str, typer.Option(help=METHOD_HELP)],
+    method: Annotated[str, typer.Option(help=METHOD_HELP, autocompletion=complete.one_of(complete.METHODS))],
     out: Out,
     family: Annotated[
-        str, typer.Option(help="Family of the model: glc, lcm (the paper's), log-logistic, gaussian, ...")
+        str,
+        typer.Option(
+            help="Family of the model: glc, lcm (the paper's), log-logistic, gaussian, ...",
+            autocompletion=complete.one_of(complete.FAMILIES),
+        ),
     ] = "glc",
     schedule: Annotated[
         str,
         typer.Option(
-            help="What its parameters depend on: index (learned), texture (the paper's), flow, constant."
+            help="What its parameters depend on: index (learned), texture (the paper's), flow, constant.",
+            autocompletion=complete.one_of(complete.SCHEDULES),
         ),
     ] = "index",
     format: Format = None,
+    camera: Camera = None,
     seed: Seed = 0,
     executor: Executor = "serial",
     workers: Workers = None,
@@ -53,6 +61,16 @@ def run(
 
     execution = Execution(executor, workers, scheduler, keep_sketches)
     result = calibrate(
-        data, method, out, family, schedule, format, seed, command_line(), terminal_progress, execution
+        data,
+        method,
+        out,
+        family,
+        schedule,
+        format,
+        seed,
+        command_line(),
+        terminal_progress,
+        execution,
+        camera,
     )
     show_run(result, json)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from flowlik.cli.options import (
+    Camera,
     Executor,
     Format,
     Json,
@@ -27,6 +28,7 @@ def run(
     data: Annotated[list[Path], typer.Argument(help="Folders of sequences with true flow.")],
     out: Out,
     format: Format = None,
+    camera: Camera = None,
     method: Method = None,
     seed: Seed = 0,
     executor: Executor = "serial",
@@ -44,5 +46,7 @@ def run(
     from flowlik.progress import terminal_progress
 
     execution = Execution(executor, workers, scheduler, keep_sketches)
-    run = evaluate(model, data, out, format, method, seed, command_line(), terminal_progress, execution)
+    run = evaluate(
+        model, data, out, format, method, seed, command_line(), terminal_progress, execution, camera
+    )
     show_run(run, json)

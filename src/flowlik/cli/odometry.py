@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from flowlik.cli import complete
 from flowlik.cli.options import (
     Camera,
     Format,
@@ -15,21 +16,37 @@ from flowlik.cli.options import (
     Method,
     Model,
     Out,
+    Recording,
     Seed,
+    Topic,
+    View,
     command_line,
     show_run,
 )
 
 
 def run(
-    data: Annotated[Path, typer.Argument(help="Folder of a sequence, or a video file.")],
+    data: Annotated[Path, typer.Argument(help="Folder of a sequence, a video file or a ROS bag.")],
     out: Out,
     model: Model = None,
     method: Method = None,
-    estimator: Annotated[str, typer.Option(help="lcmsac, mle or ransac.")] = "lcmsac",
-    residual: Annotated[str | None, typer.Option(help="depth or epipolar; depth if the data has it.")] = None,
+    estimator: Annotated[
+        str,
+        typer.Option(help="lcmsac, mle or ransac.", autocompletion=complete.one_of(complete.ESTIMATORS)),
+    ] = "lcmsac",
+    residual: Annotated[
+        str | None,
+        typer.Option(
+            help="depth or epipolar; depth if the data has it.",
+            autocompletion=complete.one_of(complete.RESIDUALS),
+        ),
+    ] = None,
     scale: Annotated[
-        str, typer.Option(help="Without depth: none, truth-norm, gps-norm, camera-height or stereo.")
+        str,
+        typer.Option(
+            help="Without depth: none, truth-norm, gps-norm, camera-height or stereo.",
+            autocompletion=complete.one_of(complete.SCALES),
+        ),
     ] = "none",
     height: Annotated[float, typer.Option(help="Height of the camera over the road [m].")] = 1.65,
     self_calibrate: Annotated[
@@ -47,6 +64,12 @@ def run(
     format: Format = None,
     camera: Camera = None,
     frames_per_second: FrameRate = None,
+    topic: Topic = None,
+    bag: Annotated[
+        bool, typer.Option("--bag", help="Also write nav_msgs/Odometry as a ROS 2 bag (extra `ros`).")
+    ] = False,
+    view: View = False,
+    record: Recording = False,
     seed: Seed = 0,
     json: Json = False,
 ) -> None:
@@ -56,7 +79,9 @@ def run(
     --------
     `flowlik odometry 03 --model run/models/lucas-kanade.json --scale truth-norm --out k03`
 
-    `flowlik odometry walk.mp4 --camera 900,640,360 --model lucas-kanade.json --out walk`
+    `flowlik odometry walk.mp4 --camera 900,640,360 --model lucas-kanade --out walk`
+
+    `flowlik odometry drive.mcap --topic /camera/image_raw --model lucas-kanade --bag --out drive`
     """
     from flowlik.commands.odometry import odometry
     from flowlik.progress import terminal_progress
@@ -65,5 +90,6 @@ def run(
         data, out, model, method, estimator, residual, scale, height, self_calibrate, boresight, gate, frames,
         format, seed, command_line(), terminal_progress, camera, frames_per_second,
         start, skip_bad_frames,
+        topic, bag, view, record,
     )  # fmt: skip
     show_run(result, json)

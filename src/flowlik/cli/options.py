@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from flowlik.cli import complete
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -19,34 +21,59 @@ if TYPE_CHECKING:
 Out = Annotated[Path, typer.Option("--out", "-o", help="Folder of the run: report, figures, metrics.")]
 Model = Annotated[
     Path | None,
-    typer.Option("--model", "-m", help="A shipped model's name, or a file made by `flowlik calibrate`."),
+    typer.Option(
+        "--model",
+        "-m",
+        help="A shipped model's name, or a file made by `flowlik calibrate`.",
+        autocompletion=complete.models,
+    ),
 ]
 METHOD_HELP = (
     "Flow: farneback, farneback-wide, lucas-kanade, lucas-kanade-11, dis, horn-schunck; "
     "your own as package.module:object; or on disk as flow-files:LABEL=FOLDER."
 )
-Method = Annotated[str | None, typer.Option("--method", help=METHOD_HELP)]
+Method = Annotated[
+    str | None,
+    typer.Option("--method", help=METHOD_HELP, autocompletion=complete.one_of(complete.METHODS)),
+]
 Format = Annotated[
     str | None,
     typer.Option(
         "--format",
         help="Data format, guessed by default: kitti, kitti-raw, kitti-flow, tartanair, sintel, "
         "middlebury-flow, middlebury-stereo, flying-chairs, seven-scenes, tum-rgbd, euroc, "
-        "image-folder or video.",
+        "ros, image-folder or video.",
+        autocompletion=complete.one_of(complete.FORMATS),
     ),
 ]
 Camera = Annotated[
     str | None,
-    typer.Option("--camera", help="f,cx,cy or fx,fy,cx,cy [px], for data without a camera of its own."),
+    typer.Option(
+        "--camera",
+        help="f,cx,cy or fx,fy,cx,cy [px], or a file (ROS camera_info, OpenCV or Kalibr YAML), whose "
+        "distortion is removed from the images; for data without a camera of its own.",
+    ),
+]
+Topic = Annotated[
+    str | None, typer.Option("--topic", help="Topic of the images of a ROS bag; needed where it has several.")
 ]
 FrameRate = Annotated[
     float | None, typer.Option("--frames-per-second", help="Frame rate [Hz], for images without times.")
+]
+View = Annotated[bool, typer.Option("--view", help="Show it live in the rerun viewer (extra `viz`).")]
+Recording = Annotated[
+    bool, typer.Option("--record", help="Record it for the rerun viewer, as view.rrd (extra `viz`).")
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the metrics as JSON on standard output.")]
 
 Executor = Annotated[
-    str, typer.Option("--executor", help="Where to measure: serial, processes, or dask (extra `cluster`).")
+    str,
+    typer.Option(
+        "--executor",
+        help="Where to measure: serial, processes, or dask (extra `cluster`).",
+        autocompletion=complete.one_of(complete.EXECUTORS),
+    ),
 ]
 Workers = Annotated[
     int | None, typer.Option("--workers", min=1, help="Processes on this machine; one a core by default.")
@@ -65,6 +92,15 @@ def command_line() -> str:
     return shlex.join(["flowlik", *sys.argv[1:]])
 
 
+SUMMARY = (
+    "drift_percent", "t_err_percent", "rpe_trans_median_m", "rpe_rot_median_deg", "unsolved_fraction", "nll",
+    "ks_median", "coverage_90", "ause_relative", "outside_fraction", "frames_per_second", "pairs_per_second",
+)  # fmt: skip
+"""Figures of a summary, where there are too many to print them all."""
+
+MOST_ROWS = 24
+
+
 def show_run(run: RunFolder, as_json: bool) -> None:
     """Print a run's records, its warnings and where its report is."""
     for warning in run.warnings:
@@ -74,7 +110,7 @@ def show_run(run: RunFolder, as_json: bool) -> None:
 
 
 def show_records(records: Sequence[Record], as_json: bool) -> None:
-    """Print records as JSON, or as a table with units."""
+    """Print records as JSON, or as a table with units: the main ones, where there are many."""
     if as_json:
         from dataclasses import asdict
 
@@ -83,6 +119,10 @@ def show_records(records: Sequence[Record], as_json: bool) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    main = [r for r in records if r.metric in SUMMARY]
+    if len(records) > MOST_ROWS and main:
+        typer.echo(f"{len(main)} of {len(records)} figures; metrics.json and the report hold all", err=True)
+        records = main
     columns = ("dataset", "flow", "family", "estimator", "metric", "value", "unit")
     table = Table(*columns, box=None, pad_edge=False)
     for r in records:

@@ -7,9 +7,12 @@ from typing import Annotated
 
 import typer
 
+from flowlik.cli.options import Json, show_records
+
 
 def run(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a finished run.")],
+    json: Json = False,
 ) -> None:
     """Rebuild the figures and the page of a run from its data and metrics.
 
@@ -17,4 +20,9 @@ def run(
     """
     from flowlik.report import build
 
-    typer.echo(f"report: {build(folder)}", err=True)
+    page = build(folder)
+    if json:
+        from flowlik.records import read_records
+
+        show_records(read_records(folder / "metrics.json"), as_json=True)
+    typer.echo(f"report: {page}", err=True)

@@ -7,11 +7,18 @@ from typing import Annotated
 
 import typer
 
-from flowlik.cli.options import Seed
+from flowlik.cli import complete
+from flowlik.cli.options import Json, Seed
 
 
 def run(
-    world: Annotated[str, typer.Argument(help="planes, grid, forest, forest-small or driving.")],
+    world: Annotated[
+        str,
+        typer.Argument(
+            help="planes, grid, forest, forest-small or driving.",
+            autocompletion=complete.one_of(complete.WORLDS),
+        ),
+    ],
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the data set.")],
     trajectory: Annotated[
         str,
@@ -37,6 +44,7 @@ def run(
     ] = None,
     traffic: Annotated[int, typer.Option(min=0, help="Number of moving vehicles in driving.")] = 0,
     seed: Seed = 0,
+    json: Json = False,
 ) -> None:
     """Render a flight with exact depth, poses and flow, in TartanAir V2's layout.
 
@@ -66,4 +74,8 @@ def run(
         sensor,
         terminal_progress,
     )
+    if json:
+        import json as json_module
+
+        typer.echo(json_module.dumps({"data_set": str(folder)}))
     typer.echo(f"data set: {folder}", err=True)

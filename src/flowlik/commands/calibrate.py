@@ -54,6 +54,7 @@ def calibrate(
     command: str = "flowlik calibrate",
     progress: Progress = no_progress,
     execution: Execution = Execution(),  # noqa: B008
+    camera: str | None = None,
 ) -> RunFolder:
     """Calibrate a flow method on sequences with true flow.
 
@@ -79,6 +80,8 @@ def calibrate(
         Told how far it is.
     execution : Execution
         Where to measure, and whether to keep the sketches.
+    camera : str, optional
+        As `flowlik.open_sequence` takes it, for data without a camera of its own.
 
     Returns
     -------
@@ -94,9 +97,12 @@ def calibrate(
     label = method_label(describe(flow))
     error_family(family)
     check_schedule(schedule)
-    config = {"data": [str(d) for d in data], "method": method, "family": family, "schedule": schedule}
+    config = {
+        "data": [str(d) for d in data], "method": method, "family": family, "schedule": schedule,
+        "camera": camera,
+    }  # fmt: skip
     run = RunFolder(out, command, config, seed)
-    sequences = [open_sequence(folder, format) for folder in data]
+    sequences = [open_sequence(folder, format, camera) for folder in data]
     # signals cost more flow, and flow on disk may have none
     keep = index_form(flow).covariates if schedule == "index" else ()
     task = Task(flow, (Index(), FLOW_INDEX), keep)
@@ -112,7 +118,8 @@ def calibrate(
     names = ", ".join(sequence.name for sequence in sequences)
     provenance: dict[str, object] = {"data": names, "seed": seed}
     by_texture, by_flow = ([block for p in populations if p for block in p[kind]] for kind in (0, 1))
-    models = fit_families(by_texture, flow, provenance)
+    # each fit takes seconds to a minute: whoever waits is told of it
+    models = fit_families(by_texture, flow, provenance, progress=progress)
     add_evidence(run, by_texture, models, names, label=label, seed=seed, split="calibration")
     if schedule == "texture":
         chosen, blocks_of_chosen = models[family], by_texture
@@ -144,11 +151,12 @@ def fit_families(
     provenance: dict[str, object],
     names: Sequence[str] = tuple(FAMILIES),
     smoothing: float | None = None,
+    progress: Progress = no_progress,
 ) -> dict[str, FlowLikelihood]:
     """Likelihoods of families on the same sketches, by name."""
     return {
         name: fit_likelihood(sketches, error_family(name), method, provenance=provenance, smoothing=smoothing)
-        for name in names
+        for name in progress(names, "families fitted", len(names))
     }
 
 

@@ -27,6 +27,7 @@ def evaluate(
     command: str = "flowlik evaluate",
     progress: Progress = no_progress,
     execution: Execution = Execution(),  # noqa: B008
+    camera: str | None = None,
 ) -> RunFolder:
     """Evaluate a model on sequences with true flow: all that `add_evidence` tells.
 
@@ -50,6 +51,8 @@ def evaluate(
         Told how far it is.
     execution : Execution
         Where to measure, and whether to keep the sketches.
+    camera : str, optional
+        As `flowlik.open_sequence` takes it, for data without a camera of its own.
 
     Raises
     ------
@@ -59,9 +62,10 @@ def evaluate(
     likelihood = load_likelihood(model)
     flow = confirmed_method(likelihood.method or {}, method)
     index = likelihood.schedule.index
-    run = RunFolder(out, command, {"model": str(model), "data": [str(d) for d in data]}, seed)
+    config = {"model": str(model), "data": [str(d) for d in data], "camera": camera}
+    run = RunFolder(out, command, config, seed)
     for number, folder in enumerate(data):
-        sequence = open_sequence(folder, format)
+        sequence = open_sequence(folder, format, camera)
         blocks = split_blocks(sequence, seed)
         task = Task(flow, (index,), kept_for_eigenbasis(index), likelihood.texture)
         found = sketch_for_run(

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from flowlik.camera import Array
 from flowlik.datasets.base import read_grey
-from flowlik.datasets.flow_files import read_flow
+from flowlik.datasets.flow_files import KITTI_MOST_PX, read_flow, write_flo, write_kitti_flow
+from flowlik.datasets.intrinsics import CameraLike, given_camera, read_if_file
+from flowlik.datasets.lens import Lens
 from flowlik.errors import DataError
 from flowlik.evaluation.evidence import outside_warning
 from flowlik.files import atomic_write
@@ -22,6 +24,8 @@ from flowlik.model_file import load_likelihood
 from flowlik.records import Record, protocol
 from flowlik.runs import RunFolder
 from flowlik.sampling import sample_flow
+from flowlik.uncertainty_file import write_uncertainty
+from flowlik.viewer import viewer
 
 COVERAGES = (0.5, 0.68, 0.9, 0.95)
 
@@ -35,6 +39,9 @@ def flow(
     method: str | None = None,
     confidence: float = 0.9,
     command: str = "flowlik flow",
+    camera: str | None = None,
+    view: bool = False,
+    record: bool = False,
 ) -> RunFolder:
     """Measure the flow between two images and draw its uncertainty.
 
@@ -45,7 +52,8 @@ def flow(
     model : Path
         Model file; it names the flow method.
     out : Path
-        Run folder: report, figure, and ``flow.npz`` with pixels, flow, half-widths and eigenbasis.
+        Run folder: report, figure, ``flow.npz`` with pixels, flow, half-widths and eigenbasis, and as images
+        ``flow.flo``, ``flow.png`` (KITTI's) and ``uncertainty.png`` (`flowlik.uncertainty_file`).
     truth : Path, optional
         True flow (.flo, KITTI PNG or .npy), to report coverage.
     method : str, optional
@@ -54,6 +62,10 @@ def flow(
         Of the intervals drawn.
     command : str
         Command line that repeats the run.
+    camera : str, optional
+        A camera file: both images are undistorted first. Without distortion a camera changes nothing.
+    view, record : bool
+        Show it live in the rerun viewer; record it as ``view.rrd``.
 
     Raises
     ------
@@ -64,14 +76,16 @@ def flow(
     """
     likelihood = load_likelihood(model)
     chosen = confirmed_method(likelihood.method or {}, method)
-    image = read_grey(previous)
+    lens = None if camera is None else read_if_file(camera)
+    image, following = (_undistorted(read_grey(path), lens) for path in (previous, current))
     signals = likelihood.signals
-    m = measure(image, read_grey(current), chosen, likelihood.texture, signals=signals)
+    m = measure(image, following, chosen, likelihood.texture, signals=signals)
     if not len(m):
         raise DataError(f"{previous}: no flow vector could be measured (no texture?)")
     true_flow = None if truth is None else _read_truth(truth, image.shape)
     run = RunFolder(out, command, {"model": str(model), "confidence": confidence, "method": describe(chosen)})
 
+    shown = viewer(view, run.begin() / "view.rrd" if record else None)
     x = likelihood.coordinate(m)
     half_width = likelihood.bound(x, confidence)
     run.records = _records(
@@ -79,14 +93,41 @@ def flow(
     )
     if message := outside_warning(likelihood.schedule.outside(x), "this image"):
         run.warn(message)
-    run.save("uncertainty", method_label(m.method), _picture(image, m, half_width, confidence))
+    picture = _picture(image, m, half_width, confidence)
+    run.save("uncertainty", method_label(m.method), picture)
+    _write(run, picture, m, half_width, confidence)
+    shown.pair(0.0, image, m, likelihood, confidence)
+    shown.close()
+    run.finish()
+    return run
+
+
+def _write(
+    run: RunFolder, picture: dict[str, NDArray[Any]], m: Measurements, half_width: Array, confidence: float
+) -> None:
+    """Flow and uncertainty as files: vectors as npz, maps as .flo and as 16-bit PNG."""
     with atomic_write(run.path / "flow.npz", "wb") as file:
         np.savez_compressed(
             file, pixels=m.pixels, flow_px=m.flow, half_width_px=half_width, R_i_e=m.R_i_e,
             texture=m.t, confidence=confidence,
         )  # fmt: skip
-    run.finish()
-    return run
+    flow = picture["flow"].astype(np.float64)
+    write_flo(run.path / "flow.flo", flow)
+    write_uncertainty(run.path / "uncertainty.png", picture["half_width"], picture["angle"])
+    with np.errstate(invalid="ignore"):
+        beyond = np.abs(flow).max(axis=-1) > KITTI_MOST_PX
+    if beyond.any():
+        run.warn(
+            f"flow.png holds up to {KITTI_MOST_PX} px: {int(beyond.sum())} vectors beyond are left out of it"
+        )
+    write_kitti_flow(run.path / "flow.png", np.where(np.expand_dims(beyond, -1), np.nan, flow))
+
+
+def _undistorted(image: Image, lens: CameraLike | None) -> Image:
+    if lens is None:
+        return image
+    given_camera(lens, image.shape)  # refuses what is no camera of these images
+    return lens.undistort(image) if isinstance(lens, Lens) else image
 
 
 def _read_truth(path: Path, shape: tuple[int, ...]) -> Array:

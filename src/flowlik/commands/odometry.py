@@ -22,6 +22,7 @@ from flowlik.evaluation.data_check import agreement, disagreement_warning
 from flowlik.evaluation.drift import relative_pose_errors
 from flowlik.evaluation.evidence import outside_warning
 from flowlik.evaluation.motion_records import status_records, trajectory_records, true_trajectory
+from flowlik.extras import extra
 from flowlik.features import features_of
 from flowlik.flow import confirmed_method, describe, flow_method, method_label
 from flowlik.flow.base import FlowMethod
@@ -29,9 +30,16 @@ from flowlik.model_file import load_likelihood
 from flowlik.odometry import Odometry, ResidualKind, run_odometry
 from flowlik.progress import Progress, no_progress
 from flowlik.records import Record, protocol, select
+from flowlik.ros_odometry import write_odometry_bag
 from flowlik.runs import RunFolder
 from flowlik.scale import SCALES, scale_source
 from flowlik.trajectory import Trajectory, write_kitti, write_tum
+from flowlik.trajectory_covariance import (
+    trajectory_covariance,
+    write_covariance_csv,
+    write_trajectory_npz,
+)
+from flowlik.viewer import viewer, watched_by
 
 ESTIMATORS = ("ransac", "lcmsac", "mle")
 
@@ -57,6 +65,10 @@ def odometry(
     frames_per_second: float | None = None,
     start: int = 0,
     skip_bad_frames: bool = False,
+    topic: str | None = None,
+    bag: bool = False,
+    view: bool = False,
+    record: bool = False,
 ) -> RunFolder:
     """Estimate the trajectory of a sequence, and its errors where the data set has poses.
 
@@ -65,7 +77,8 @@ def odometry(
     data : Path
         Folder of a sequence, or a video file.
     out : Path
-        Run folder: trajectory in KITTI's and TUM's format, ``frames.csv`` with each frame's status.
+        Run folder: trajectory in KITTI's and TUM's format, its covariance as ``covariance.csv`` and, with the
+        poses, ``trajectory.npz``; ``frames.csv`` with each frame's status.
     model : Path, optional
         Model file; needed for lcmsac and mle. It names the flow method.
     method : str, optional
@@ -96,7 +109,7 @@ def odometry(
     progress : Progress
         Told how far it is.
     camera : str, optional
-        ``f,cx,cy`` or ``fx,fy,cx,cy`` [px], for data without a camera of its own.
+        ``f,cx,cy`` or ``fx,fy,cx,cy`` [px], or a camera file, for data without a camera of its own.
     frames_per_second : float, optional
         Frame rate [Hz], for images without times.
     start : int
@@ -104,6 +117,12 @@ def odometry(
     skip_bad_frames : bool
         Go on over frames that are missing or unreadable, or whose time does not advance; the report tells
         which.
+    topic : str, optional
+        Topic of the images of a ROS bag.
+    bag : bool
+        Also write the trajectory as a ROS 2 bag, ``odometry_bag``.
+    view, record : bool
+        Show the run live in the rerun viewer; record it as ``view.rrd``.
 
     Raises
     ------
@@ -115,7 +134,9 @@ def odometry(
         raise DataError(f"unknown scale source {scale!r}: known are {', '.join(SCALES)}")
     if boresight not in ("none", "causal"):
         raise DataError(f"unknown boresight {boresight!r}: known are none, causal")
-    whole = open_sequence(data, format, camera, frames_per_second, skip_bad_frames)
+    if bag:
+        extra("rosbags", "--bag")
+    whole = open_sequence(data, format, camera, frames_per_second, skip_bad_frames, topic)
     sequence, skipped = select_frames(whole, start, frames, skip_bad_frames)
     kind = _residual_kind(sequence, residual)
     source = scale_source(scale, sequence, height_m)
@@ -128,6 +149,7 @@ def odometry(
         "residual": kind, "scale": scale, "gate": gate, "frames": frames, "method": describe(flow),
         "camera": camera, "frames_per_second": frames_per_second,
         "start": start, "skip_bad_frames": skip_bad_frames,
+        "topic": topic,
     }  # fmt: skip
     count = len(sequence)
     # a pose file that cannot be used is told before the work, not after it
@@ -139,9 +161,10 @@ def odometry(
     settings = SelfCalibration() if self_calibrate else None
     robot = Odometry(sequence.camera, flow, chosen, seed, source, settings, boresight == "causal")
     loop = run_odometry(sequence, robot, kind)
+    watched = watched_by(viewer(view, run.begin() / "view.rrd" if record else None), loop, sequence, robot)
     begin = time.perf_counter()
     motions, agreements = [], []
-    for motion in progress(loop, f"{estimator} on {sequence.name}", count - 1):
+    for motion in progress(watched, f"{estimator} on {sequence.name}", count - 1):
         motions.append(motion)
         if truth is not None and robot.last is not None:
             k = len(motions)
@@ -155,6 +178,11 @@ def odometry(
     estimated = Trajectory(np.array(robot.timestamps), RigidTransform.concatenate(robot.poses))
     write_kitti(run.begin() / "trajectory_kitti.txt", estimated)
     write_tum(run.path / "trajectory_tum.txt", estimated)
+    covariance = trajectory_covariance(estimated.timestamps, motions)
+    write_covariance_csv(run.path / "covariance.csv", covariance)
+    write_trajectory_npz(run.path / "trajectory.npz", estimated, covariance)
+    if bag:
+        write_odometry_bag(run.path / "odometry_bag", estimated, motions)
     write_frames(run.path / "frames.csv", estimated, motions, sequence.frames[1:])
     if robot.intrinsics:
         write_intrinsics(run.path / "intrinsics.csv", robot.intrinsics, sequence.frames)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from collections.abc import Sequence as Seq
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +12,7 @@ from flowlik.datasets.base import Sequence
 from flowlik.errors import DataError
 
 if TYPE_CHECKING:
-    from flowlik.camera import Pinhole
+    from flowlik.datasets.intrinsics import CameraLike
 
 
 @dataclass(frozen=True)
@@ -29,7 +28,7 @@ class Format:
     layout : str
         What is expected there, in words.
     options : tuple of str
-        Of ``camera``, ``frames_per_second`` and ``lenient``, those that the format takes.
+        Of ``camera``, ``frames_per_second``, ``lenient`` and ``topic``, those that the format takes.
     """
 
     open: Callable[..., Sequence]
@@ -116,6 +115,14 @@ def _open_video(path: Path, **options: Any) -> Sequence:
     return Video(path, **options)
 
 
+def _open_ros(path: Path, **options: Any) -> Sequence:
+    from flowlik.datasets.lens import Undistorted
+    from flowlik.datasets.ros_bag import RosBag
+
+    bag = RosBag(path, **options)
+    return Undistorted(bag, bag.lens) if bag.lens is not None and bag.lens.distorts else bag
+
+
 _BOTH = ("camera", "frames_per_second")
 
 FORMATS: dict[str, Format] = {
@@ -130,6 +137,7 @@ FORMATS: dict[str, Format] = {
     "seven-scenes": Format(_open_seven_scenes, layouts.seven_scenes, "frame-NNNNNN.color.png", ("camera",)),
     "tum-rgbd": Format(_open_tum_rgbd, layouts.tum_rgbd, "rgb.txt with depth.txt", ("camera",)),
     "euroc": Format(_open_euroc, layouts.euroc, "mav0/cam0"),
+    "ros": Format(_open_ros, layouts.ros, "a ROS bag or .mcap", ("camera", "topic")),
     "video": Format(_open_video, layouts.video, "a file such as .mp4", _BOTH),
     "image-folder": Format(_open_image_folder, layouts.image_folder, "images", (*_BOTH, "lenient")),
 }
@@ -157,9 +165,10 @@ def guess_format(path: Path | str) -> str:
 def open_sequence(
     path: Path | str,
     format: str | None = None,
-    camera: Pinhole | str | Seq[float] | None = None,
+    camera: CameraLike | None = None,
     frames_per_second: float | None = None,
     lenient: bool = False,
+    topic: str | None = None,
 ) -> Sequence:
     """Open the folder of a sequence, or a video file.
 
@@ -169,14 +178,17 @@ def open_sequence(
         Folder or file.
     format : str, optional
         A name in `FORMATS`; by default guessed from the layout.
-    camera : Pinhole, str or sequence of float, optional
+    camera : Pinhole, Lens, str, Path or sequence of float, optional
         Camera for a format without one of its own, or instead of its default: ``f,cx,cy`` or ``fx,fy,cx,cy``
-        [px].
+        [px], or a camera file (`flowlik.datasets.camera_file`). Where its lens distorts, images and depth are
+        undistorted as they are read.
     frames_per_second : float, optional
         Frame rate [Hz] for a format without times.
     lenient : bool
         Open it though images are missing between others or times go back; `select_frames` then leaves out
         what cannot be used.
+    topic : str, optional
+        Topic of the images of a ROS bag; needed where there are several.
 
     Raises
     ------
@@ -186,7 +198,7 @@ def open_sequence(
     if format is not None and format not in FORMATS:
         raise DataError(f"unknown data set format {format!r}, known are {', '.join(FORMATS)}")
     name = format or guess_format(path)
-    options = {"camera": camera, "frames_per_second": frames_per_second}
+    options: dict[str, Any] = {"camera": camera, "frames_per_second": frames_per_second, "topic": topic}
     given = {option: value for option, value in options.items() if value is not None}
     for option in given:
         if option not in FORMATS[name].options:
@@ -194,4 +206,11 @@ def open_sequence(
             raise DataError(f"{path}: format {name} has its own {option}, only {takers} take one")
     if lenient and "lenient" in FORMATS[name].options:
         given["lenient"] = True
-    return FORMATS[name].open(Path(path), **given)
+    if camera is None:
+        return FORMATS[name].open(Path(path), **given)
+    from flowlik.datasets.intrinsics import read_if_file
+    from flowlik.datasets.lens import Lens, Undistorted
+
+    given["camera"] = lens = read_if_file(camera)
+    sequence = FORMATS[name].open(Path(path), **given)
+    return Undistorted(sequence, lens) if isinstance(lens, Lens) and lens.distorts else sequence

@@ -125,6 +125,11 @@ def decode_image(path: Path | str, flags: int) -> NDArray:
         raise DataError(f"{path}: cannot be read ({error.strerror})") from error
     except ValueError as error:  # a list of files that is damaged
         raise DataError(f"{str(path)!r}: not the name of a file") from error
+    return decode_bytes(data, path, flags)
+
+
+def decode_bytes(data: bytes, path: Path | str, flags: int) -> NDArray:
+    """Decode an image that is in memory, as `decode_image`; ``path`` begins the message of an error."""
     width, height = claimed_size(data) or (0, 0)
     if width * height > MAX_PIXELS:
         found = f"its header claims {width} x {height} pixels"

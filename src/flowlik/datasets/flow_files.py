@@ -22,6 +22,7 @@ FLO_UNKNOWN = 1e9
 
 KITTI_OFFSET = 2**15
 KITTI_SCALE = 64
+KITTI_MOST_PX = 511
 
 
 def read_flow(path: Path | str) -> Array:

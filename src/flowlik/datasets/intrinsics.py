@@ -3,13 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Sequence as Seq
+from pathlib import Path
 
 from flowlik.camera import Pinhole
+from flowlik.datasets.camera_file import read_camera
+from flowlik.datasets.lens import Lens
 from flowlik.errors import DataError
 from flowlik.files import numbers
 
-CameraLike = Pinhole | str | Seq[float]
-"""A camera, or its numbers [px] as text or sequence: ``f,cx,cy`` or ``fx,fy,cx,cy``."""
+CameraLike = Pinhole | Lens | str | Path | Seq[float]
+"""A camera, its numbers [px] as text or sequence (``f,cx,cy`` or ``fx,fy,cx,cy``), or a camera file."""
+
+
+def read_if_file(camera: CameraLike) -> CameraLike:
+    """Lens of a camera file; anything that is no name of a file is passed on.
+
+    Raises
+    ------
+    DataError
+        If the file is missing or malformed.
+    """
+    if isinstance(camera, Path):
+        return read_camera(camera)
+    if isinstance(camera, str) and "," not in camera:
+        if not Path(camera).is_file():
+            raise DataError(
+                f"camera {camera!r}: no such file; expected f,cx,cy or fx,fy,cx,cy [px], or a camera file"
+            )
+        return read_camera(camera)
+    return camera
 
 
 def given_camera(camera: CameraLike, shape: tuple[int, ...]) -> Pinhole:
@@ -21,11 +43,15 @@ def given_camera(camera: CameraLike, shape: tuple[int, ...]) -> Pinhole:
         If it is of another image size, or there are not three or four sensible numbers.
     """
     height, width = shape[:2]
+    camera = read_if_file(camera)
+    if isinstance(camera, Lens):
+        return camera.pinhole(shape)
     if isinstance(camera, Pinhole):
         if (camera.width, camera.height) != (width, height):
             size = f"{camera.width} x {camera.height}"
             raise DataError(f"camera: made for images of {size} pixels, these are {width} x {height}")
         return camera
+    assert not isinstance(camera, Path)
     words = camera.split(",") if isinstance(camera, str) else [str(value) for value in camera]
     if len(words) not in (3, 4):
         raise DataError(f"camera {camera!r}: expected f,cx,cy or fx,fy,cx,cy [px]")

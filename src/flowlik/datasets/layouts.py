@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".tif", ".tiff", ".webp"})
+BAG_SUFFIXES = frozenset({".bag", ".mcap", ".db3"})
 VIDEO_SUFFIXES = frozenset({".mp4", ".m4v", ".avi", ".mov", ".mkv", ".webm", ".mpg", ".mpeg"})
 
 KITTI_IMAGES = ("image_0", "image_2", "colored_0")
@@ -81,6 +82,11 @@ def image_folder(path: Path) -> bool:
 def video(path: Path) -> bool:
     """Whether the file is named as a video."""
     return path.suffix.lower() in VIDEO_SUFFIXES and path.is_file()
+
+
+def ros(path: Path) -> bool:
+    """Whether this is a ROS bag: a folder with metadata, or a file named as one."""
+    return (path / "metadata.yaml").is_file() or (path.suffix.lower() in BAG_SUFFIXES and path.is_file())
 
 
 def _has_folder(path: Path, *names: str) -> bool:

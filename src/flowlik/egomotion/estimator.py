@@ -151,6 +151,13 @@ class Estimator:
             hypotheses=drawn,
         )
 
+    def inliers(self, residual: Residual, T_k_prev: RigidTransform) -> NDArray[np.bool_]:
+        """Which components (N, components a vector) of a residual's vectors are inliers of a motion."""
+        kept = residual.measurements.t >= (self.gate or 0.0)
+        T = residual.normalise(T_k_prev.as_matrix()[:3])
+        found = self._inliers(residual, T, residual.kept_components(kept))
+        return found.reshape(len(residual), residual.components_per_vector)
+
     def _bound(self, x: Array) -> Array:
         if self.radius_px is not None:
             return np.full(np.shape(x), self.radius_px)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.integrate import trapezoid
 
 from flowlik.calibration.sketch import ErrorSketch, bin_centres, magnitude_centres
 from flowlik.camera import Array
@@ -91,7 +92,7 @@ def sparsification_arrays(sketches: Mapping[str, tuple[ErrorSketch, FlowLikeliho
 
 
 def _area(curve: Array, removed: Array) -> float:
-    return float(np.trapezoid(curve, removed))
+    return float(trapezoid(curve, removed))
 
 
 def _curves(kept: Array) -> dict[str, Array]:

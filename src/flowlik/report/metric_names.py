@@ -47,6 +47,18 @@ METRICS: dict[str, tuple[str, str]] = {
         "Gain of pooling",
         "in log-likelihood, if components of like texture shared one distribution",
     ),
+    "half_width_e1_median_px": (
+        "Half-width, best direction",
+        "of the interval along the strongest texture: the median",
+    ),
+    "half_width_e2_median_px": (
+        "Half-width, worst direction",
+        "of the interval along the weakest texture: the median",
+    ),
+    "within_half_px_fraction": (
+        "Known to half a pixel",
+        "share of components whose interval reaches no further than half a pixel",
+    ),
     "unsolved_fraction": ("Unsolved frames", "share of frames without a motion"),
     "outside_fraction": (
         "Share outside the calibrated range",

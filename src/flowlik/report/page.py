@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import base64
 import json
-import zipfile
-import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 
 from flowlik.errors import DataError
-from flowlik.files import atomic_write, read_json
+from flowlik.files import atomic_write, read_json, read_npz
 from flowlik.records import Record, read_records
 from flowlik.report.figures import caption, render
 from flowlik.report.kinds import FIGURES
@@ -124,13 +121,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     DataError
         If the file is missing or not a valid npz of plain arrays.
     """
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            return {name: file[name] for name in file.files}
-    except FileNotFoundError as error:
-        raise DataError(f"{path}: no such file") from error
-    except (OSError, ValueError, EOFError, AttributeError, zipfile.BadZipFile, zlib.error) as error:
-        raise DataError(f"{path}: not a readable npz file ({type(error).__name__})") from error
+    return read_npz(path)
 
 
 def write_figure(figure: Rendered, stem: Path) -> tuple[Path, Path]:

@@ -13,6 +13,7 @@ from flowlik.report.style import known_look
 KEYS = ("dataset", "flow", "family", "schedule", "estimator", "seed")
 
 GROUPS: tuple[tuple[str, tuple[str, ...]], ...] = (
+    ("How far the flow can be trusted", ("half_width", "within_half")),
     (
         "How well the error model fits",
         ("nll", "ks_", "coverage_", "pit", "log_score", "outside", "components_"),
@@ -38,7 +39,10 @@ _WORDS = {
     "rot": "rotation",
 }
 _FLOWS = {"farneback": "Farnebäck", "lucas-kanade": "Lucas–Kanade"}
-_HEADLINES = ("drift_percent", "t_err_percent", "rpe_trans_median_m", "ks_median", "coverage_90")
+_HEADLINES = (
+    "drift_percent", "t_err_percent", "rpe_trans_median_m", "ks_median", "coverage_90",
+    "within_half_px_fraction", "half_width_e1_median_px", "half_width_e2_median_px",
+)  # fmt: skip
 _MOST_HEADLINES = 6
 # The method a run is about stands first; the others are what it is compared with.
 _OWN = ("LCMSAC", "MLE", "LCM")

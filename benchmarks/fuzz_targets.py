@@ -1,0 +1,233 @@
+"""What is fuzzed: every reader and every file that is loaded, with a small whole example of each."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import json
+import shutil
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from tests.datasets import fakes, test_kitti, test_kitti_raw
+from tests.datasets.test_camera_file import KALIBR, ROS, written_by_opencv
+from tests.datasets.test_open_sequence import MAKERS
+from tests.test_ros import write_bag
+from tests.test_trajectory_covariance import steps
+
+from flowlik.calibration.sketch import ErrorSketch
+from flowlik.calibration.sketch_file import load_sketch
+from flowlik.datasets import open_sequence
+from flowlik.datasets.base import read_grey
+from flowlik.datasets.camera_file import read_camera
+from flowlik.datasets.flow_files import read_flow
+from flowlik.errors import DataError
+from flowlik.extras import missing
+from flowlik.model_file import load_likelihood
+from flowlik.models import shipped
+from flowlik.records import Record, read_records, write_records
+from flowlik.report.figures import render
+from flowlik.report.page import read_arrays, read_run
+from flowlik.ros_odometry import read_odometry_bag, write_odometry_bag
+from flowlik.schedule import Index
+from flowlik.trajectory import Trajectory, chain, read_trajectory, write_kitti, write_tum
+from flowlik.trajectory_covariance import read_covariance_csv, trajectory_covariance, write_covariance_csv
+from flowlik.uncertainty_file import read_uncertainty, write_uncertainty
+
+FIELDS = ("image", "flow", "visible", "depth", "T_n_c", "timestamp")
+MOST_FRAMES = 6
+
+
+class Target(NamedTuple):
+    """How an example is made below a folder, and how it is used; ``use`` gets what ``make`` returned."""
+
+    make: Callable[[Path], Path]
+    use: Callable[[Path], object]
+
+
+def everything(path: Path, format: str | None) -> None:
+    """Ask a sequence for all it has."""
+    sequence = open_sequence(path, format)
+    fields = [getattr(sequence, name) for name in FIELDS if hasattr(sequence, name)]
+    for k in range(min(len(sequence), MOST_FRAMES)):
+        for field in fields:
+            try:
+                field(k)
+            except DataError as error:
+                assert "\n" not in str(error), "a message of several lines"
+    with contextlib.suppress(DataError):
+        _ = sequence.camera
+
+
+def file_of(name: str, write: Callable[[Path], object]) -> Callable[[Path], Path]:
+    """Maker of one file."""
+
+    def make(root: Path) -> Path:
+        root.mkdir(parents=True, exist_ok=True)
+        write(root / name)
+        return root / name
+
+    return make
+
+
+def _kitti(root: Path) -> Path:
+    folder = test_kitti.make_sequence(root / "03")
+    test_kitti.write_poses(folder / "poses.txt", 4)
+    (folder / "times.txt").write_text("0\n0.1\n0.2\n0.3\n")
+    return folder
+
+
+def _tartanair(root: Path) -> Path:
+    from flowlik.datasets.tartanair import encode_depth
+
+    for kind in ("image", "depth"):
+        (root / f"{kind}_lcam_front").mkdir(parents=True)
+    for k in range(3):
+        cv2.imwrite(str(root / f"image_lcam_front/{k:06d}_lcam_front.png"), fakes.picture(k))
+        depth = encode_depth(np.full((fakes.HEIGHT, fakes.WIDTH), 9.0))
+        cv2.imwrite(str(root / f"depth_lcam_front/{k:06d}_lcam_front_depth.png"), depth)
+    np.savetxt(root / "pose_lcam_front.txt", [[0.1 * k, 0, 0, 0, 0, 0, 1] for k in range(3)])
+    camera = {"width": fakes.WIDTH, "height": fakes.HEIGHT, "fx": 40, "fy": 40, "cx": 19.5, "cy": 14.5}
+    (root / "camera.json").write_text(json.dumps({**camera, "frames_per_second": 20}))
+    return root
+
+
+def _video(root: Path) -> Path:
+    root.mkdir(parents=True)
+    writer = cv2.VideoWriter(str(root / "a.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 20, (64, 48))
+    for k in range(4):
+        writer.write(cv2.cvtColor(fakes.picture(k, 64, 48), cv2.COLOR_GRAY2BGR))
+    writer.release()
+    return root / "a.avi"
+
+
+def _trajectory() -> tuple[Trajectory, list]:
+    motions = steps(4)
+    return Trajectory(np.arange(5) / 10, chain(m.T_k_prev for m in motions)), motions
+
+
+def _covariance(path: Path) -> None:
+    trajectory, motions = _trajectory()
+    write_covariance_csv(path, trajectory_covariance(trajectory.timestamps, motions))
+
+
+def _sketch(path: Path) -> None:
+    ErrorSketch.empty(Index()).save(path)
+
+
+def _run(root: Path) -> Path:
+    root.mkdir(parents=True)
+    (root / "run.json").write_text(
+        json.dumps({"name": "flowlik flow", "command": "flowlik flow", "config": {}})
+    )
+    write_records(root / "metrics.json", [Record("nll", 1.0, "nat", "a", "dis", count=3, seed=1)])
+    return root
+
+
+def _figure(path: Path) -> None:
+    flow = fakes.some_flow().astype(np.float32)
+    half_width = np.abs(flow) + 0.1
+    np.savez_compressed(
+        path, image=fakes.picture(0), flow=flow, half_width=half_width, angle=flow[..., 0], confidence=0.9
+    )
+
+
+def _uncertainty(path: Path) -> None:
+    write_uncertainty(path, np.abs(fakes.some_flow()), fakes.some_flow()[..., 0])
+
+
+def _images() -> dict[str, Target]:
+    grey = fakes.picture(0)
+    colour = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
+
+    def write(path: Path) -> None:
+        fakes.save(path, grey if path.suffix == ".pgm" else colour)
+
+    return {
+        f"image {suffix}": Target(file_of(f"a.{suffix}", write), read_grey)
+        for suffix in ("png", "jpg", "bmp", "pgm", "ppm", "tif", "webp")
+    }
+
+
+def _flow(suffix: str) -> Target:
+    writers = {
+        "flo": lambda p: fakes.write_flo(p, fakes.some_flow()),
+        "png": lambda p: fakes.write_kitti_flow(p, fakes.some_flow()),
+        "npy": lambda p: np.save(p, fakes.some_flow()),
+    }
+    return Target(file_of(f"a.{suffix}", writers[suffix]), read_flow)
+
+
+def _ros() -> dict[str, Target]:
+    if missing("ros"):
+        return {}
+
+    def odometry(root: Path) -> Path:
+        root.mkdir(parents=True)
+        return write_odometry_bag(root / "odometry", *_trajectory())
+
+    def bag(root: Path, **options) -> Path:
+        root.mkdir(parents=True)
+        return write_bag(root / "bag", **options)
+
+    return {
+        "ros mcap": Target(bag, lambda path: everything(path, "ros")),
+        "ros sqlite": Target(
+            lambda root: bag(root, plugin="SQLITE3", encoding="jpeg"), lambda path: everything(path, "ros")
+        ),
+        "ros odometry": Target(odometry, read_odometry_bag),
+    }
+
+
+def targets() -> dict[str, Target]:
+    """All targets by name."""
+    makers = {**MAKERS, "kitti": _kitti, "kitti-raw": test_kitti_raw.make_drive, "tartanair": _tartanair}
+    found = {
+        f"reader {name}": Target(make, lambda path, name=name: everything(path, name))
+        for name, make in {**makers, "video": _video}.items()
+    }
+    model = shipped()["lucas-kanade-lcm"], shipped()["dis"]
+    cameras = {"ros": lambda p: p.write_text(ROS), "kalibr": lambda p: p.write_text(KALIBR)}
+    cameras["opencv"] = written_by_opencv
+    return {
+        **found,
+        **_ros(),
+        **_images(),
+        **{f"flow {suffix}": _flow(suffix) for suffix in ("flo", "png", "npy")},
+        **{f"camera {n}": Target(file_of("c.yaml", w), read_camera) for n, w in cameras.items()},
+        **{
+            f"model {path.stem}": Target(
+                file_of("m.json", lambda p, path=path: shutil.copy(path, p)), load_likelihood
+            )
+            for path in model
+        },
+        "trajectory kitti": Target(
+            file_of("t.txt", lambda p: write_kitti(p, _trajectory()[0])), read_trajectory
+        ),
+        "trajectory tum": Target(file_of("t.txt", lambda p: write_tum(p, _trajectory()[0])), read_trajectory),
+        "covariance": Target(file_of("c.csv", _covariance), read_covariance_csv),
+        "uncertainty": Target(file_of("u.png", _uncertainty), read_uncertainty),
+        "sketch": Target(file_of("s.npz", _sketch), load_sketch),
+        "run": Target(_run, read_run),
+        "records": Target(
+            lambda root: _run(root) / "metrics.json", lambda path: (read_records(path), read_run(path.parent))
+        ),
+        "figure": Target(file_of("uncertainty--a.npz", _figure), lambda p: _draw(p)),
+    }
+
+
+def _draw(path: Path) -> None:
+    """Read the arrays of a figure, and draw every hundredth: drawing is slow."""
+    arrays = read_arrays(path)
+    if next(_counter) % 100 == 0:
+        render("uncertainty", arrays)
+
+
+_counter = itertools.count()

@@ -1,0 +1,116 @@
+"""Look at a report as a browser shows it: no console errors, no overflow, light and dark, wide and narrow.
+
+    python benchmarks/page.py RUN [--out FOLDER]
+
+Needs Chromium. With --out, screenshots are left to look at. The exit code is 1 if something is wrong.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+WIDTHS = {"phone": 390, "desktop": 1280}
+PROBE = """<script>
+addEventListener("load", () => {
+  const images = [...document.images];
+  const found = {
+    overflow: document.documentElement.scrollWidth - innerWidth,
+    images: images.length,
+    broken: images.filter(i => !i.complete || !i.naturalWidth).length,
+    uncaptioned: [...document.querySelectorAll("figure")].filter(
+      f => !f.querySelector("figcaption").textContent.trim() || !f.querySelector(".made code")).length,
+    remote: performance.getEntriesByType("resource").filter(r => /^https?:/.test(r.name)).length,
+    page: getComputedStyle(document.body).backgroundColor,
+  };
+  const said = document.createElement("pre");
+  said.id = "probe";
+  said.textContent = JSON.stringify(found);
+  document.body.append(said);
+});
+</script></body>"""
+
+FRAME = """<body style="margin:0">
+<iframe src="alone.html" style="border:0" width="WIDTH" height="1400"></iframe>
+<script>
+onload = () => setTimeout(() => {
+  const inside = document.querySelector("iframe").contentDocument;
+  document.body.append(inside.querySelector("#probe").cloneNode(true));
+}, 500);
+</script></body>"""
+
+
+def browser() -> str:
+    """Path of a Chromium."""
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
+        sys.exit("no Chromium found; install one, such as the package chromium")
+    return found
+
+
+def shown(program: str, page: Path, width: int, dark: bool, *more: str) -> subprocess.CompletedProcess[str]:
+    """Run the browser without a window."""
+    words = [
+        program, "--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
+        "--disable-extensions", "--enable-logging=stderr", "--allow-file-access-from-files",
+        "--virtual-time-budget=5000", f"--window-size={width},1400",
+        f"--blink-settings=preferredColorScheme={0 if dark else 1}",
+    ]  # fmt: skip
+    return subprocess.run([*words, *more, page.as_uri()], capture_output=True, text=True, timeout=300)
+
+
+def check(page: Path, out: Path | None) -> list[str]:
+    """What is wrong with a page, one line each."""
+    program, wrong = browser(), []
+    with tempfile.TemporaryDirectory() as folder:
+        # a page without the folder it came from must show the same
+        alone = Path(folder) / "alone.html"
+        alone.write_text(page.read_text().replace("</body>", PROBE))
+        # headless Chromium has no window narrower than 500 px, a frame has
+        for name, width in WIDTHS.items():
+            for dark in (False, True):
+                scheme = "dark" if dark else "light"
+                frame = Path(folder) / "frame.html"
+                frame.write_text(FRAME.replace("WIDTH", str(width)))
+                ended = shown(program, frame, max(width, 500), dark, "--dump-dom")
+                found = re.search(r'<pre id="probe">(.*?)</pre>', ended.stdout)
+                errors = [line for line in ended.stderr.splitlines() if "CONSOLE" in line]
+                wrong += [f"{name}, {scheme}: {line}" for line in errors]
+                if found is None:
+                    wrong.append(f"{name}, {scheme}: the page did not load ({ended.stderr[-200:]})")
+                    continue
+                facts = json.loads(found[1])
+                print(f"{name:8} {scheme:6}", facts)
+                for key in ("overflow", "broken", "uncaptioned", "remote"):
+                    if facts[key] > 0:
+                        wrong.append(f"{name}, {scheme}: {key} {facts[key]}")
+                if out is not None:
+                    out.mkdir(parents=True, exist_ok=True)
+                    shot = (out / f"{name}-{scheme}.png").resolve()
+                    shown(program, frame, max(width, 500), dark, f"--screenshot={shot}")
+    return wrong
+
+
+def main() -> int:
+    """Check one report."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("run", type=Path)
+    parser.add_argument("--out", type=Path)
+    options = parser.parse_args()
+    page = options.run / "report.html" if options.run.is_dir() else options.run
+    wrong = check(page.resolve(), options.out)
+    print(*wrong, sep="\n")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
