@@ -13,9 +13,9 @@ from flowlik.datasets import open_sequence
 from flowlik.egomotion import Epipolar, mle
 from flowlik.evaluation.epipolar_likelihoods import refine_convolution, refine_profile
 from flowlik.evaluation.split_half import direction_noise_mrad, halves, rotation_noise_mdeg
+from flowlik.features import measure_features
 from flowlik.flow import flow_method
 from flowlik.model_file import load_likelihood
-from flowlik.odometry import measure_features
 
 
 def main() -> None:

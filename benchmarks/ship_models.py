@@ -29,7 +29,7 @@ from flowlik.evaluation.goodness import coverage, kolmogorov_smirnov, negative_l
 from flowlik.families import error_family
 from flowlik.flow import flow_method
 from flowlik.likelihood import FlowLikelihood
-from flowlik.model_file import save_likelihood
+from flowlik.model_file import load_likelihood, save_likelihood
 from flowlik.schedule import Index
 
 DENSE_PIXELS = 20_000
@@ -59,6 +59,16 @@ def with_goodness(likelihood: FlowLikelihood, blocks: list[ErrorSketch]) -> Flow
     return replace(likelihood, goodness={**likelihood.goodness, **figures})
 
 
+def correlated(model: FlowLikelihood, cache: Path, kitti_poses: Path | None) -> FlowLikelihood:
+    """Likelihood with the correlation of its scores on every third calibration flight."""
+    pairs = [
+        block
+        for flight in CALIBRATION[::EVERY]
+        for block in rendered(flight, cache, kitti_poses).blocks(flight.seed)
+    ]
+    return replace(model, correlation=measure_correlation(pairs, model))
+
+
 def ship(method: str, cache: Path, kitti_poses: Path | None, out: Path) -> None:
     """Calibrate and write the two models of a method."""
     start = time.perf_counter()
@@ -74,12 +84,7 @@ def ship(method: str, cache: Path, kitti_poses: Path | None, out: Path) -> None:
     over = [block.over(index) for block in by_texture]
     for name, family, blocks in ((method, "glc", over), (f"{method}-lcm", "lcm", by_texture)):
         model = calibrate(blocks, error_family(family), flow, provenance=provenance)
-        pairs = [
-            block
-            for flight in CALIBRATION[::EVERY]
-            for block in rendered(flight, cache, kitti_poses).blocks(flight.seed)
-        ]
-        model = replace(model, correlation=measure_correlation(pairs, model))
+        model = correlated(model, cache, kitti_poses)
         save_likelihood(with_goodness(model, blocks), out / f"{name}.json")
         print(name, model.goodness["fit"], f"{time.perf_counter() - start:.0f} s", flush=True)
 
@@ -92,8 +97,19 @@ def main() -> None:
     parser.add_argument("--kitti-poses", type=Path)
     parser.add_argument("--methods", nargs="+", choices=METHODS, default=METHODS)
     parser.add_argument("--out", type=Path, default=MODELS)
+    parser.add_argument(
+        "--correlation", action="store_true", help="measure only the correlation of scores anew"
+    )
     options = parser.parse_args()
     for method in options.methods:
+        if options.correlation:
+            for name in (method, f"{method}-lcm"):
+                model = correlated(
+                    load_likelihood(options.out / f"{name}.json"), options.cache, options.kitti_poses
+                )
+                save_likelihood(model, options.out / f"{name}.json")
+                print(name, model.correlation, flush=True)
+            continue
         ship(method, options.cache, options.kitti_poses, options.out)
 
 

@@ -1,4 +1,4 @@
-"""Interleaved timing of two alternatives, so that what else the machine does hits both alike."""
+"""Interleaved timing of alternatives, so that what else the machine does hits all alike."""
 
 from __future__ import annotations
 
@@ -16,6 +16,23 @@ def ratio(
         ours(), theirs()
     times = np.array([(_seconds(ours), _seconds(theirs)) for _ in range(repeats)])
     return (*(1e3 * np.median(times, axis=0)), float(np.median(times[:, 0] / times[:, 1])))
+
+
+def processor_times(work: dict[str, Callable[[], object]], repeats: int) -> dict[str, np.ndarray]:
+    """Processor times [ms] (repeats,) of alternatives run in turns, on all threads of this process.
+
+    Other processes can lengthen them by what they take of caches and of a core's other half, but not by
+    waiting.
+    """
+    for run in work.values():
+        run()
+    times: dict[str, list[float]] = {name: [] for name in work}
+    for _ in range(repeats):
+        for name, run in work.items():
+            start = time.process_time()
+            run()
+            times[name].append(1e3 * (time.process_time() - start))
+    return {name: np.array(values) for name, values in times.items()}
 
 
 def _seconds(work: Callable[[], object]) -> float:

@@ -8,10 +8,11 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.camera import Pinhole
 from flowlik.egomotion import EgoMotion, Status, lcmsac, ransac
 from flowlik.errors import DataError, ModelError
+from flowlik.features import features_of, measure_features
 from flowlik.flow import Farneback, LucasKanade
 from flowlik.flow.base import DenseFlow
 from flowlik.motion import exp_se3, h, inverse_range
-from flowlik.odometry import Odometry, features_of, measure_features, run_odometry, scaled
+from flowlik.odometry import Odometry, run_odometry, scaled
 from flowlik.scale import scale_source, true_distance
 from flowlik.texture import TextureDefinition
 from tests.helpers import lcm_likelihood, textured_image
@@ -112,14 +113,14 @@ def test_the_epipolar_residual_takes_its_scale_from_the_distance(estimator):
         distance = np.linalg.norm(MOTIONS[k - 1].translation) if k else None
         motion = odometry.step(frame(k), 0.1 * k, distance_m=distance)
     assert motion.scale_known
-    assert_same(odometry.poses, poses(MOTIONS), atol=2e-3)
+    assert_same(odometry.poses, poses(MOTIONS), atol=1e-3)
 
 
 def test_without_a_distance_steps_have_unit_length(estimator):
     odometry = Odometry(CAMERA, ExactFlow(), estimator)
     motion = [odometry.step(frame(k), k) for k in range(2)][1]
     assert not motion.scale_known
-    assert_same([motion.T_k_prev], [scaled(MOTIONS[0], 1.0)], atol=2e-3)
+    assert_same([motion.T_k_prev], [scaled(MOTIONS[0], 1.0)], atol=1e-3)
 
 
 def test_an_unsolved_frame_repeats_the_previous_motion_and_says_so(estimator):
@@ -216,7 +217,7 @@ def test_the_loop_over_a_sequence_gives_its_poses(estimator, residual, scale):
     odometry = Odometry(CAMERA, ExactFlow(), estimator, scale=scale_source(scale, Frames()))
     motions = list(run_odometry(Frames(), odometry, residual))
     assert len(motions) == 3
-    assert_same(odometry.poses, poses(MOTIONS), atol=2e-3)
+    assert_same(odometry.poses, poses(MOTIONS), atol=1e-3)
 
 
 def test_the_loop_ends_after_the_frames_asked_for(estimator):

@@ -9,6 +9,7 @@ import numpy as np
 from flowlik.camera import Array
 from flowlik.errors import ModelError
 
+KEYS = ("scale_px", "isotropic", "along", "vertical")
 SCALES_PX = (4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0)
 
 
@@ -16,8 +17,9 @@ SCALES_PX = (4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0)
 class ScoreCorrelation:
     """Correlation of two vectors' whitened scores u in {i} over their distance d [px].
 
-    ``E[u_i u_j^T] = rho(d) I + rho_flow(d) n_i n_j^T``, with n the directions of the measured flow:
-    neighbours share errors of any direction, a whole image those along its flow. Each rho is a sum
+    ``E[u_i u_j^T] = rho(d) I + rho_flow(d) n_i n_j^T + rho_v(d) e_v e_v^T``, with n the directions of the
+    measured flow and e_v the image's vertical: neighbours share errors of any direction, a whole image those
+    along its flow, and those down the image, since ground lies below and far things above. Each rho is a sum
     ``w_own [d = 0] + sum_m w_m exp(-d^2 / (2 scale_m^2)) + w_image`` with weights of at least 0, so that
     every matrix of correlations is positive semi-definite.
 
@@ -25,8 +27,8 @@ class ScoreCorrelation:
     ----------
     scales_px : array (S,)
         Lengths [px] of the Gaussians.
-    isotropic, along : array (S + 2,)
-        Weights of rho and rho_flow: own, one a scale, image.
+    isotropic, along, vertical : array (S + 2,)
+        Weights of rho, rho_flow and rho_v: own, one a scale, image.
 
     Raises
     ------
@@ -37,31 +39,36 @@ class ScoreCorrelation:
     scales_px: Array
     isotropic: Array
     along: Array
+    vertical: Array
 
     def __post_init__(self) -> None:
         count = len(self.scales_px) + 2
-        if len(self.isotropic) != count or len(self.along) != count:
+        kinds = self.isotropic, self.along, self.vertical
+        if any(len(kind) != count for kind in kinds):
             raise ModelError(f"a correlation over {count - 2} scales needs {count} weights of each kind")
-        weights = np.concatenate([self.isotropic, self.along])
+        weights = np.concatenate(kinds)
         if not (np.isfinite(weights).all() and (weights >= 0).all() and (self.scales_px > 0).all()):
             raise ModelError("weights of a correlation must be finite and at least 0, scales positive")
 
     def at(self, distance_px: Array) -> Array:
-        """Both correlations (2, ...), rho and rho_flow, at distances (...) [px]."""
+        """All correlations (3, ...), rho, rho_flow and rho_v, at distances (...) [px]."""
         basis = shapes(distance_px, self.scales_px)
-        return np.stack([basis @ self.isotropic, basis @ self.along])
+        return np.stack([basis @ self.isotropic, basis @ self.along, basis @ self.vertical])
 
     def values(self) -> dict[str, list[float]]:
         """Plain JSON values, as `of_values` takes them."""
-        arrays = {"scale_px": self.scales_px, "isotropic": self.isotropic, "along": self.along}
-        return {name: np.asarray(array).tolist() for name, array in arrays.items()}
+        arrays = (self.scales_px, self.isotropic, self.along, self.vertical)
+        return {name: np.asarray(array).tolist() for name, array in zip(KEYS, arrays)}
 
     @classmethod
     def of_values(cls, values: dict[str, list[float]]) -> ScoreCorrelation:
         """Correlation of what `values` gave."""
-        if set(values) != {"scale_px", "isotropic", "along"}:
-            raise ModelError(f"a correlation needs scale_px, isotropic and along, not {sorted(values)}")
-        return cls(*(np.array(values[name], np.float64) for name in ("scale_px", "isotropic", "along")))
+        # files of before the vertical term have none
+        vertical = [0.0] * len(values.get("along", ()))
+        values = {"vertical": vertical, **values}
+        if set(values) != set(KEYS):
+            raise ModelError(f"a correlation needs {', '.join(KEYS)}, not {', '.join(sorted(values))}")
+        return cls(*(np.array(values[name], np.float64) for name in KEYS))
 
 
 def shapes(distance_px: Array, scales_px: Array) -> Array:

@@ -32,6 +32,8 @@ class Covariate:
         signal behind it is missing, as where the flow has no way back.
     signals : tuple of str
         What must have been measured, names in `flowlik.signals.SIGNALS`.
+    isotropic : bool
+        Whether it is the same along every direction.
     """
 
     name: str
@@ -39,6 +41,7 @@ class Covariate:
     floor: float
     along: Callable[[Measurements, Array], Array]
     signals: tuple[str, ...] = ()
+    isotropic: bool = False
 
 
 def _normal(n: Array) -> Array:
@@ -70,14 +73,14 @@ COVARIATES: dict[str, Covariate] = {
     for c in (
         Covariate("texture", "intensity²/px²", 1e-2, _texture),
         Covariate("texture-across", "intensity²/px²", 1e-2, lambda m, n: _texture(m, _normal(n))),
-        Covariate("flow", "px", 0.05, lambda m, n: np.linalg.norm(m.flow, axis=1)),
+        Covariate("flow", "px", 0.05, lambda m, n: np.linalg.norm(m.flow, axis=1), isotropic=True),
         Covariate("flow-along", "px", 0.02, lambda m, n: _dot(m.flow, n)),
         Covariate("discrepancy", "px", 1e-3, _discrepancy, ("discrepancy",)),
         Covariate(
             "discrepancy-across", "px", 1e-3, lambda m, n: _discrepancy(m, _normal(n)), ("discrepancy",)
         ),
-        Covariate("residual", "intensity", 0.3, lambda m, n: _signal(m, "residual"), ("residual",)),
-        Covariate("spread", "px", 1e-2, lambda m, n: _signal(m, "spread"), ("spread",)),
+        Covariate("residual", "intensity", 0.3, lambda m, n: _signal(m, "residual"), ("residual",), True),
+        Covariate("spread", "px", 1e-2, lambda m, n: _signal(m, "spread"), ("spread",), True),
     )
 }  # fmt: skip
 

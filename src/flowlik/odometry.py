@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Literal, NamedTuple
 
@@ -12,39 +12,18 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.boresight import Boresight
 from flowlik.camera import Array, Pinhole
 from flowlik.datasets.base import Sequence
+from flowlik.datasets.selection import whole_pair
 from flowlik.egomotion import EgoMotion, Epipolar, Estimator, KnownDepth, Residual, Status
 from flowlik.egomotion.prediction import ConstantMotion
 from flowlik.egomotion.result import unsolved
 from flowlik.egomotion.self_calibration import Intrinsics, SelfCalibration
 from flowlik.errors import DataError
-from flowlik.flow.base import DenseFlow, FlowMethod, Image, check_pair, method_for_pair
-from flowlik.measurements import Measurements, measure, stratified_pixels
+from flowlik.features import measure_features
+from flowlik.flow.base import FlowMethod, Image, check_pair, method_for_pair
+from flowlik.measurements import Measurements
 from flowlik.scale import Norm, ScaleSource, Unscaled
-from flowlik.texture import TextureDefinition
-
-DENSE_PIXELS = 4000
 
 ResidualKind = Literal["depth", "epipolar"]
-
-
-def measure_features(
-    previous: Image,
-    current: Image,
-    method: FlowMethod,
-    texture: TextureDefinition,
-    seed: int = 0,
-    signals: Iterable[str] = (),
-) -> Measurements:
-    """Measure at a method's own corners, or at 4000 stratified pixels of a dense one."""
-    pixels = None
-    if isinstance(method, DenseFlow):
-        pixels = stratified_pixels(previous.shape, DENSE_PIXELS, np.random.default_rng(seed))
-    return measure(previous, current, method, texture, pixels, signals)
-
-
-def features_of(method: FlowMethod) -> str:
-    """Feature choice as a protocol names it."""
-    return f"stratified-{DENSE_PIXELS}" if isinstance(method, DenseFlow) else "corners"
 
 
 class Step(NamedTuple):
@@ -292,7 +271,7 @@ def run_odometry(
     method = odometry.method
     for k in range(count):
         if k > 0:
-            odometry.method = method_for_pair(method, sequence, k - 1)
+            odometry.method = method_for_pair(method, *whole_pair(sequence, k - 1))
         # the last frame's depth is never used, and data sets may lack it
         depth = sequence.depth(k) if residual == "depth" and k < count - 1 else None
         reference = true_move(sequence, k) if odometry.boresight is not None and k > 0 else None

@@ -99,13 +99,33 @@ class Index:
         """Coordinates x (N, 2) of the eigen-components of measurements."""
         return self.combine({name: of_components(name, m) for name in self.covariates})
 
-    def along(self, m: Measurements, normal: Array) -> Array:
-        """Coordinates x (N,) of the error along unit vectors ``normal`` (N, 2) in {i}."""
-        return self.combine({name: covariate(name).along(m, normal) for name in self.covariates})
+    def along(self, m: Measurements, normal: Array, held: Mapping[str, Array] | None = None) -> Array:
+        """Coordinates x (N,) of the error along unit vectors ``normal`` (N, 2) in {i}.
 
-    def combine(self, values: Mapping[str, Array]) -> Array:
-        """Coordinates x (...) of covariates (...), by name."""
-        logs = {i.covariate: np.log(np.clip(values[i.covariate], i.low, i.high)) for i in self.inputs}
+        ``held`` is what `isotropic` gave of these measurements: it saves time where many directions are asked
+        for.
+        """
+        held = held or {}
+        return self.combine(
+            {n: covariate(n).along(m, normal) for n in self.covariates if n not in held}, held
+        )
+
+    def isotropic(self, m: Measurements) -> dict[str, Array]:
+        """Logarithms (N,) of the clipped covariates that are the same along every direction."""
+        any_direction = np.tile([1.0, 0.0], (len(m), 1))
+        return {
+            i.covariate: np.log(np.clip(covariate(i.covariate).along(m, any_direction), i.low, i.high))
+            for i in self.inputs
+            if covariate(i.covariate).isotropic
+        }
+
+    def combine(self, values: Mapping[str, Array], held: Mapping[str, Array] | None = None) -> Array:
+        """Coordinates x (...) of covariates (...), by name, and of logarithms that are `held`."""
+        logs = {
+            i.covariate: np.log(np.clip(values[i.covariate], i.low, i.high))
+            for i in self.inputs
+            if i.covariate in values
+        } | dict(held or {})
         x = np.full(np.shape(next(iter(logs.values()))), self.offset)
         for term in self.terms:
             product = logs[term.covariates[0]]

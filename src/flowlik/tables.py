@@ -88,6 +88,16 @@ def bilinear(table, i, a, j, f):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def look_up(table, rows, z):  # type: ignore[no-untyped-def]
+    """Values (C,) of a table at fractional rows (C,) and errors z (C,) [px]."""
+    out, last_row = np.empty(len(z)), table.shape[0] - 2
+    for c in range(len(z)):
+        i, (j, f) = min(int(rows[c]), last_row), magnitude_position(abs(z[c]))
+        out[c] = bilinear(table, i, rows[c] - i, j, f)
+    return out
+
+
+@njit(cache=True, nogil=True)
 def normal_equations(z, J, rows, fisher, used, log_prob, weight):  # type: ignore[no-untyped-def]
     """Fisher scoring of components: H = sum fisher J^T J, b = -sum w z J, and the sum of log_prob.
 

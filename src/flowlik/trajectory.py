@@ -145,10 +145,11 @@ def read_kitti_poses(path: Path | str) -> RigidTransform:
     return RigidTransform.from_components(matrices[:, :, 3], Rotation.from_matrix(R))
 
 
-def read_times(path: Path | str) -> Array:
-    """Read increasing times (N,) [s], one a row; a DataError says what is wrong."""
+def read_times(path: Path | str, increasing: bool = True) -> Array:
+    """Read times (N,) [s], one a row; a DataError says what is wrong, by default also if they go back."""
     seconds = read_table(path, 1, "1 number (a time in seconds)")[0][:, 0]
-    check_times(seconds, str(path))
+    if increasing:
+        check_times(seconds, str(path))
     return seconds
 
 

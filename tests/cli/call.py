@@ -45,3 +45,15 @@ def succeed(*words: object) -> Outcome:
 def leftovers(folder: Path) -> list[Path]:
     """What an interrupted or refused run must not leave."""
     return [p for p in folder.rglob("*") if p.name.endswith(".part") or p.name in ("run.json", "report.html")]
+
+
+def refuse(*words, out, message):
+    """Run, and check that it is refused as it should be."""
+    outcome = call(*words, "--out", out)
+    assert outcome.code == 2
+    assert len(outcome.err) == 1, outcome.err
+    assert outcome.err[0].startswith("flowlik: ")
+    assert message in outcome.err[0]
+    assert outcome.out == ""
+    assert not leftovers(out) if out.is_dir() else True
+    assert not list(out.parent.rglob("*.part"))

@@ -45,6 +45,12 @@ def undrawn(monkeypatch):
 
 
 @pytest.fixture
+def out(tmp_path) -> Path:
+    """Folder of a run that is not there yet."""
+    return Path(tmp_path / "out")
+
+
+@pytest.fixture
 def copy(flight, tmp_path) -> Path:
     """A copy of the data set to damage."""
     return Path(shutil.copytree(flight, tmp_path / "copy"))

@@ -8,26 +8,9 @@ import numpy as np
 import pytest
 
 from flowlik.datasets.tartanair import encode_depth
-from tests.cli.call import call, leftovers, succeed
+from tests.cli.call import call, refuse, succeed
 from tests.cli.conftest import blank_images, image_of
-from tests.datasets.test_kitti import P0, make_sequence, write_poses
-
-
-def refuse(*words, out, message):
-    """Run, and check that it is refused as it should be."""
-    outcome = call(*words, "--out", out)
-    assert outcome.code == 2
-    assert len(outcome.err) == 1, outcome.err
-    assert outcome.err[0].startswith("flowlik: ")
-    assert message in outcome.err[0]
-    assert outcome.out == ""
-    assert not leftovers(out) if out.is_dir() else True
-    assert not list(out.parent.rglob("*.part"))
-
-
-@pytest.fixture
-def out(tmp_path):
-    return tmp_path / "out"
+from tests.datasets.test_kitti import write_poses
 
 
 def truncate(path, by=300):
@@ -233,34 +216,6 @@ def test_true_flow_of_another_size_or_none(flight, models, tmp_path, out):
     refuse(*words, tmp_path / "small.npy", out=out, message=small)
     refuse(*words, tmp_path / "unknown.npy", out=out, message="unknown.npy: no true flow is known")
     refuse(*words, tmp_path / "none.npy", out=out, message="no such flow file")
-
-
-def short_poses(folder):
-    write_poses(folder / "poses.txt", 3)
-    return "poses.txt: 3 poses for the 4 images"
-
-
-def pose_columns(folder):
-    (folder / "poses.txt").write_text("0 0 0 0 0 0 0 1\n" * 4)
-    return "poses.txt, line 1: 8 columns, but expected 12"
-
-
-def no_calibration(folder):
-    (folder / "calib.txt").write_text("hello\n")
-    return "calib.txt, line 1: not a KITTI calibration row"
-
-
-def no_poses(folder):
-    return "this data set has no poses"
-
-
-@pytest.mark.parametrize("damage", [short_poses, pose_columns, no_calibration, no_poses])
-def test_kitti_folders(models, tmp_path, out, damage):
-    folder = make_sequence(tmp_path / "sequences" / "09", calibration=P0)
-    message = damage(folder)
-    options = ("--model", models["lucas-kanade"], "--scale", "truth-norm")
-    refuse("odometry", folder, *options, out=out, message=message)
-    assert not out.exists()
 
 
 @pytest.mark.parametrize("command", ["odometry", "calibrate", "evaluate", "flow", "simulate"])

@@ -125,7 +125,7 @@ def test_frames_outside_the_sequence(tmp_path, k):
     write_poses(folder / "poses.txt", 4)
     sequence = KittiOdometry(folder)
     for read in (sequence.image, sequence.timestamp, sequence.T_n_c):
-        with pytest.raises(IndexError, match="frames 0 to 3"):
+        with pytest.raises(DataError, match="there are 4 frames"):
             read(k)
 
 

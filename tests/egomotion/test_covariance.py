@@ -22,7 +22,10 @@ def weights(own, image, **gaussians):
 
 
 CORRELATION = ScoreCorrelation(
-    SCALES, weights(0.5, 0.0, g8=0.3, g64=0.18), weights(0.0, 0.02, g16=0.3, g128=0.1)
+    SCALES,
+    weights(0.5, 0.0, g8=0.3, g64=0.1),
+    weights(0.0, 0.02, g16=0.3, g128=0.1),
+    weights(0.0, 0.05, g32=0.03),
 )
 
 
@@ -40,7 +43,7 @@ def test_splines_on_a_grid_stand_for_a_gaussian(scale):
     square = ((pixels[:, None] - pixels[None]) ** 2).sum(axis=-1)
     kernel = np.exp(-square / (2 * scale**2))
     expected = sum(a * G[:, b].T @ kernel @ G[:, b] for b, a in enumerate(w))
-    found = smoothed_products(pixels, G, SPACING * scale, w)
+    found = sum(a * smoothed_products(pixels, G[:, b : b + 1], SPACING * scale) for b, a in enumerate(w))
     np.testing.assert_array_equal(found, found.T)
     assert np.linalg.eigvalsh(found)[0] > 0
     np.testing.assert_allclose(found, expected, atol=0.04 * np.abs(expected).max())
@@ -54,9 +57,9 @@ def test_variability_is_the_sum_over_pairs_of_components(kind):
     fisher, e = MODEL.fisher(x), residual.directions(T)
     of = np.repeat(np.arange(len(m)), residual.components_per_vector)
     distance = np.linalg.norm(m.pixels[of][:, None] - m.pixels[of][None], axis=-1)
-    rho, rho_flow = CORRELATION.at(distance)
+    rho, rho_flow, rho_v = CORRELATION.at(distance)
     along = np.einsum("ci,ci->c", flow_directions(m.flow)[of], e)
-    pairs = rho * (e @ e.T) + rho_flow * np.outer(along, along)
+    pairs = rho * (e @ e.T) + rho_flow * np.outer(along, along) + rho_v * np.outer(e[:, 1], e[:, 1])
     root = np.sqrt(fisher)[:, None] * J
     expected = root.T @ pairs @ root
     found = score_covariance(m, e, J, fisher, CORRELATION)
@@ -64,16 +67,48 @@ def test_variability_is_the_sum_over_pairs_of_components(kind):
     np.testing.assert_allclose(found / scale, expected / scale, atol=0.03)
 
 
-def test_uncorrelated_scores_give_the_plain_covariance():
+INDEPENDENT = ScoreCorrelation(SCALES, weights(1, 0), *2 * [weights(0, 0)])
+
+
+def test_uncorrelated_scores_vary_by_their_information():
     residual = scene_of(2).known_depth
     plain = mle(MODEL).estimate(residual)
-    independent = lcm_likelihood(correlation=ScoreCorrelation(SCALES, weights(1, 0), weights(0, 0)))
-    result = mle(independent).estimate(residual)
-    np.testing.assert_allclose(result.covariance, plain.covariance, rtol=1e-9)
     np.testing.assert_allclose(plain.covariance @ plain.information, np.eye(6), atol=1e-6)
+    T = plain.T_k_prev.as_matrix()[:3]
+    _, J = residual.linearise(T)
+    fisher = MODEL.fisher(residual.coordinates(T, MODEL.schedule.index))
+    B = score_covariance(residual.measurements, residual.directions(T), J, fisher, INDEPENDENT)
+    np.testing.assert_allclose(B, plain.information, rtol=1e-9)
 
 
 GAUSSIAN = FlowLikelihood.constant_gaussian(0.3)
+
+
+@pytest.mark.parametrize("kind", ["known_depth", "epipolar"])
+def test_observed_sensitivity_is_the_information_where_the_density_holds(kind):
+    rng = np.random.default_rng(3)
+    residual = getattr(make_scene(random_motion(rng), rng, n=500, likelihood=GAUSSIAN), kind)
+    result = mle(replace(GAUSSIAN, correlation=INDEPENDENT)).estimate(residual)
+    basis = residual.basis(result.T_k_prev.as_matrix()[:3])
+    found = np.linalg.inv(basis.T @ result.covariance @ basis)
+    expected = basis.T @ result.information @ basis
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    np.testing.assert_allclose(found / scale, expected / scale, atol=0.05)
+
+
+def test_a_frame_of_wider_errors_tells_so_itself():
+    rng, plain, honest = np.random.default_rng(5), [], []
+    model = mle(replace(MODEL, correlation=INDEPENDENT))
+    for seed in range(30):
+        scene = make_scene(random_motion(rng), rng, n=800, likelihood=MODEL)
+        m = scene.measurements
+        true = h(scene.T, CAMERA, m.pixels, inverse_range(CAMERA, m.pixels, scene.depth))
+        wider = replace(m, flow=true + 3.0 * (m.flow - true))
+        result = model.estimate(KnownDepth.of(wider, CAMERA, scene.depth), seed=seed)
+        xi = tangent_error(result.T_k_prev, scene.T)
+        plain.append(xi @ result.information @ xi)
+        honest.append(xi @ np.linalg.solve(result.covariance, xi))
+    assert np.mean(honest) < 0.5 * np.mean(plain)
 
 
 def correlated_scene(rng, n=800):
@@ -99,7 +134,7 @@ def test_correlated_errors_are_covered_by_the_calibrated_covariance():
     correlation = fit_correlation(sums)
     d = np.array([0.0, 30.0, 64.0, 100.0, 300.0])
     expected = np.where(d == 0, 1.0, np.exp(-(d**2) / (2 * 64.0**2)) / 3)
-    np.testing.assert_allclose(correlation.at(d), [expected, np.zeros(5)], atol=0.05)
+    np.testing.assert_allclose(correlation.at(d), [expected, np.zeros(5), np.zeros(5)], atol=0.05)
     model = replace(GAUSSIAN, correlation=correlation)
     for estimator in (mle(model), lcmsac(model)):
         plain, honest = [], []
@@ -112,6 +147,39 @@ def test_correlated_errors_are_covered_by_the_calibrated_covariance():
         assert np.mean(plain) > 20
         # cut-off Gaussian scores go together less than whole ones, by which the correlation was measured
         assert (4.8 if estimator.refine_all else 3.0) < np.mean(honest) < 7.5
+
+
+def leaning_scene(rng, n=400):
+    """Gaussian errors of which a tenth of the variance is one shift of the whole image up or down."""
+    T = random_motion(rng)
+    scene = make_scene(T, rng, n=n)
+    m = scene.measurements
+    shift = np.array([0.0, np.sqrt(0.1) * rng.standard_normal()])
+    error = 0.3 * (rng.standard_normal((n, 2)) * np.sqrt([1.0, 0.9]) + shift)
+    measured = replace(m, flow=m.flow + error)
+    z = np.einsum("nij,ni->nj", m.R_i_e, error)
+    return T, measured, z, KnownDepth.of(measured, CAMERA, scene.depth)
+
+
+def test_errors_shared_down_the_image_are_covered():
+    rng = np.random.default_rng(7)
+    sums = ScoreProducts.empty()
+    for _ in range(200):
+        _, m, z, _ = leaning_scene(rng)
+        sums = sums.merge(ScoreProducts.of(GAUSSIAN, m, z))
+    assert sums.norm[0] == pytest.approx(200)  # every image pair alike
+    correlation = fit_correlation(sums)
+    np.testing.assert_allclose(correlation.at(np.array([100.0, 300.0]))[2], 0.1, atol=0.03)
+    model = mle(replace(GAUSSIAN, correlation=correlation))
+    plain, honest = [], []
+    for _ in range(60):
+        T, _, _, residual = leaning_scene(rng)
+        result = model.estimate(residual)
+        xi = tangent_error(result.T_k_prev, T)
+        plain.append(xi @ result.information @ xi)
+        honest.append(xi @ np.linalg.solve(result.covariance, xi))
+    assert np.mean(plain) > 12
+    assert 4.5 < np.mean(honest) < 7.5
 
 
 def test_the_cut_information_is_a_sensitivity_and_a_variance():
@@ -156,10 +224,10 @@ def scored(seed):
 
 def test_an_impossible_correlation_is_refused():
     with pytest.raises(ModelError, match="at least 0"):
-        ScoreCorrelation(SCALES, weights(1, -0.1), weights(1, 0))
+        ScoreCorrelation(SCALES, weights(1, -0.1), weights(1, 0), weights(0, 0))
     with pytest.raises(ModelError, match="9 weights"):
-        ScoreCorrelation(SCALES, np.ones(3), weights(1, 0))
-    with pytest.raises(ModelError, match="scale_px, isotropic and along"):
+        ScoreCorrelation(SCALES, np.ones(3), weights(1, 0), weights(0, 0))
+    with pytest.raises(ModelError, match="scale_px, isotropic, along, vertical"):
         ScoreCorrelation.of_values({"scale_px": [1.0]})
     again = ScoreCorrelation.of_values(CORRELATION.values())
     np.testing.assert_array_equal(again.at(np.arange(50.0)), CORRELATION.at(np.arange(50.0)))

@@ -125,7 +125,7 @@ def test_correlated_scores_are_weighed_by_what_they_know():
     own = np.array([1.0, *np.zeros(len(SCALES_PX)), 0.0])
     shared = own + np.array([0.0, *np.zeros(len(SCALES_PX)), 0.5])
     scales = np.array(SCALES_PX)
-    correlated = replace(GAUSSIAN, correlation=ScoreCorrelation(scales, shared, 0 * own))
+    correlated = replace(GAUSSIAN, correlation=ScoreCorrelation(scales, shared, 0 * own, 0 * own))
     prior = GaussianPrior(exp_se3(SIGMA) * scene.T, covariance() / 1e4)
     near = {}
     for name, model in (("plain", GAUSSIAN), ("correlated", correlated)):

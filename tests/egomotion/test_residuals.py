@@ -249,10 +249,28 @@ def test_one_pass_gives_the_equations_of_the_linearised_errors(widened):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9 * np.abs(b).max())
 
 
-def test_measurements_outside_the_depth_map_are_refused():
+@pytest.mark.parametrize("as_map", [False, True])
+@pytest.mark.parametrize("shift", [CAMERA.width, -CAMERA.width, np.nan])
+def test_measurements_outside_the_image_are_refused(as_map, shift):
     scene = make_scene(random_motion(np.random.default_rng(21)), np.random.default_rng(21), n=20)
     m = scene.measurements
-    beside = dataclasses.replace(m, pixels=m.pixels + np.array([CAMERA.width, 0]))
-    depth = np.full((CAMERA.height, CAMERA.width), 3.0)
-    with pytest.raises(DataError, match="20 measurements lie outside the depth map"):
+    beside = dataclasses.replace(m, pixels=m.pixels + np.array([shift, 0]))
+    depth = np.full((CAMERA.height, CAMERA.width) if as_map else 20, 3.0)
+    with pytest.raises(DataError, match="20 measurements lie outside the image of 640x480"):
         KnownDepth.of(beside, CAMERA, depth)
+
+
+@pytest.mark.parametrize("kind", ["known_depth", "epipolar"])
+def test_the_total_score_is_the_gradient_within_bounds(scene, near, kind):
+    residual = getattr(scene, kind)
+    T = residual.normalise(near[1])
+    likelihood = lcm_likelihood()
+    x, tables = residual.coordinates(T, likelihood.schedule.index), likelihood.compiled
+    z, _ = residual.linearise(T)
+    bounds = likelihood.bound(x, 0.9)
+    used = np.arange(len(x)) % 3 > 0
+    held = Chosen(used, tables.rows(x), likelihood.fisher(x), tables)
+    within = held._replace(used=used & (np.abs(z) <= bounds))
+    expected = residual.equations(T, within).b
+    found = residual.total_score(T, held, bounds)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())

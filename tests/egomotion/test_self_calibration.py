@@ -3,6 +3,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform
 
 from flowlik.camera import Distortion
 from flowlik.egomotion import Epipolar, mle
@@ -10,7 +11,7 @@ from flowlik.egomotion.self_calibration import Intrinsics, SelfCalibration
 from tests.helpers import CAMERA, lcm_likelihood, make_scene, random_motion
 
 MODEL = lcm_likelihood()
-SETTINGS = SelfCalibration((("cx", 4.0), ("k1", 0.02)), temper=0.1)
+SETTINGS = SelfCalibration((("cx", 4.0), ("k1", 0.02)))
 TRUE = replace(CAMERA, cx=CAMERA.cx - 4)
 DISTORTION = Distortion(-0.015)
 
@@ -54,7 +55,7 @@ def as_seen(m):
 def test_rectified_measurements_are_those_of_a_pinhole():
     scene = make_scene(random_motion(np.random.default_rng(0)), np.random.default_rng(1), n=50)
     known = Intrinsics.prior(CAMERA, SETTINGS)
-    known = replace(known, values=np.array([-4.0, -0.015]))
+    known = replace(known, state=np.array([-4.0, -0.015, 0, 0]))
     assert (known.camera, known.distortion) == (TRUE, DISTORTION)
     m = known.rectified(as_seen(scene.measurements))
     expected = CAMERA.rays(scene.measurements.pixels)
@@ -87,3 +88,86 @@ def test_they_become_more_certain_but_never_for_good(states):
     still = states[-1]._after(np.zeros((2, 2)), np.zeros(2))
     assert (still.sigma > states[-1].sigma).all()
     np.testing.assert_array_equal(still.values, states[-1].values)
+
+
+def test_slopes_by_the_parameters_are_those_of_the_errors_as_seen():
+    """Against differences of an independent formula: distances from the line as OpenCV shows it."""
+    rng = np.random.default_rng(5)
+    motion = random_motion(rng, 1.0, 0.5)
+    m = as_seen(make_scene(motion, rng, n=60, likelihood=MODEL).measurements)
+    T = motion.as_matrix()[:3]
+    state = replace(Intrinsics.prior(CAMERA, SETTINGS), state=np.array([-3.0, -0.01, 0, 0]))
+    z, G = state.linearise(m, T)
+
+    def distances(values):
+        K = replace(CAMERA, cx=CAMERA.cx + values[0]).K
+        d = np.array([values[1], 0, 0, 0, 0])
+
+        def ideal(p):
+            seen = (p - K[:2, 2]) / K[[0, 1], [0, 1]]
+            x = seen
+            for _ in range(100):
+                x = seen / (1 + d[0] * (x**2).sum(axis=1, keepdims=True))
+            return x
+
+        begin, end = ideal(m.pixels), ideal(m.pixels + m.flow)
+        out = []
+        for x1, x2 in zip(begin, end):
+            t, moved = T[:, 3], T[:, :3] @ [*x1, 1.0]
+            line = np.cross(t, moved)
+            n = line[:2] / np.linalg.norm(line[:2])
+            distance = line @ [*x2, 1.0] / np.linalg.norm(line[:2])
+            foot = x2 - distance * n
+            ends = cv2.projectPoints(
+                np.array([[*x2, 1], [*foot, 1], [*(foot + 1e-6 * np.array([-n[1], n[0]])), 1]]),
+                np.zeros(3), np.zeros(3), K, d,
+            )[0][:, 0]  # fmt: skip
+            along = (ends[2] - ends[1]) / np.linalg.norm(ends[2] - ends[1])
+            seen = ends[0] - ends[1]
+            out.append(np.sign(distance) * abs(along[0] * seen[1] - along[1] * seen[0]))
+        return np.array(out)
+
+    np.testing.assert_allclose(np.abs(z), np.abs(distances(state.values)), atol=2e-3, rtol=1e-2)
+    for i, step in enumerate((0.05, 1e-4)):
+        change = step * np.eye(2)[i]
+        expected = (distances(state.values + change) - distances(state.values - change)) / (2 * step)
+        scale = np.abs(expected).max()
+        same = np.sign(z) == np.sign(distances(state.values))
+        np.testing.assert_allclose(np.where(same, G[:, i], -G[:, i]), expected, atol=0.02 * scale)
+
+
+def test_the_filter_is_the_batch_solution_of_its_model():
+    """Linear frames: against generalised least squares over all of them at once, noise correlated in time."""
+    rng, frames = np.random.default_rng(3), 30
+    prior = SETTINGS.prior_variances
+    settings = replace(SETTINGS, drift=0.0, trusted=np.inf)
+    truth = np.array([-3.0, 0.01])
+    state, rows, told = Intrinsics.prior(CAMERA, settings), [], []
+    for _ in range(frames):
+        A = rng.standard_normal((6, 2)) / np.sqrt(prior)
+        H = A.T @ A
+        unit = np.sqrt(prior)
+        values, vectors = np.linalg.eigh(unit[:, None] * H * unit)
+        root = (vectors * np.sqrt(values)) @ vectors.T / unit  # H = root^T root
+        u = root @ truth + rng.standard_normal(2)
+        state = state._after(H, root.T @ u - H @ state.values)
+        rows.append(root)
+        told.append(u)
+    lags = np.abs(np.subtract.outer(np.arange(frames), np.arange(frames)))
+    over_time = settings.noise * (lags == 0) + settings.persistent * np.exp(-lags / settings.memory)
+    weight = np.kron(np.linalg.inv(over_time), np.eye(2))
+    W, u = np.concatenate(rows), np.concatenate(told)
+    covariance = np.linalg.inv(W.T @ weight @ W + np.diag(1 / prior))
+    np.testing.assert_allclose(state.covariance, covariance, rtol=1e-6)
+    np.testing.assert_allclose(state.values, covariance @ W.T @ weight @ u, rtol=1e-6)
+
+
+def test_where_images_say_nothing_the_prior_stays():
+    """On a straight road every intrinsics explain the flow along the axis: nothing is believed."""
+    rng, state = np.random.default_rng(4), Intrinsics.prior(CAMERA, SETTINGS)
+    forward = RigidTransform.from_translation([0, 0, -0.5])
+    for _ in range(30):
+        m = make_scene(forward, rng, n=300, likelihood=MODEL).measurements
+        state = state.updated(m, forward.as_matrix()[:3], MODEL)
+    assert (np.abs(state.values) < 2 * np.sqrt(SETTINGS.prior_variances)).all()
+    assert state.sigma[0] > 0.5 * 4.0

@@ -2,15 +2,19 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.egomotion import EgoMotion, Status
+from flowlik.correlation import SCALES_PX, ScoreCorrelation
+from flowlik.egomotion import EgoMotion, Epipolar, Status, mle
 from flowlik.evaluation.split_half import (
+    difference_covariance,
     direction_noise_mrad,
     half_coverage,
     half_distances,
     halves,
     rotation_noise_mdeg,
+    truth_distances,
 )
 from flowlik.motion import exp_se3
+from tests.helpers import CAMERA, lcm_likelihood, make_scene, random_motion
 
 
 def test_halves_are_a_chessboard_of_64_pixels():
@@ -40,18 +44,39 @@ def test_the_noise_is_that_of_all_measurements_together():
 
 def test_a_right_covariance_covers_the_differences():
     rng = np.random.default_rng(1)
-    sigma = np.array([1e-4, 2e-4, 3e-4, 1e-3, 2e-3])
+    sigma, ahead = np.array([2e-3, 2e-3, 3e-3, 1e-3, 2e-3]), RigidTransform.from_translation([0, 0, 1.0])
     information = np.diag(np.append(1 / sigma**2, 0.0))
 
     def estimate():
-        xi = sigma * rng.standard_normal(5)
-        t = np.append(xi[3:], 1.0)
-        T = exp_se3(np.append(xi[:3], np.zeros(3)))
-        T = RigidTransform.from_components(t / np.linalg.norm(t), T.rotation)
+        T = exp_se3(np.append(sigma * rng.standard_normal(5), 0.0)) * ahead
+        T = RigidTransform.from_components(T.translation / np.linalg.norm(T.translation), T.rotation)
         return EgoMotion(T, information, np.linalg.pinv(information), Status.SOLVED)
 
     first, second = ([estimate() for _ in range(600)] for _ in range(2))
+    from_truth = truth_distances(first, [ahead] * len(first))
+    assert half_coverage(from_truth, 0.9) == pytest.approx(0.9, abs=0.04)
     distances = half_distances(first, second)
     assert distances.mean() == pytest.approx(5, rel=0.1)
     for confidence in (0.5, 0.9, 0.95):
         assert half_coverage(distances, confidence) == pytest.approx(confidence, abs=0.06)
+
+
+def test_the_covariance_of_a_difference_knows_what_halves_share():
+    """Without correlation it is the sum of the halves'; errors of the whole image cancel between them."""
+    rng = np.random.default_rng(2)
+    motion = random_motion(rng, 1.0, 0.5)
+    m = make_scene(motion, rng, n=400, likelihood=lcm_likelihood()).measurements
+    parts = [Epipolar.of(m.select(half), CAMERA) for half in halves(m.pixels)]
+    own, image = np.zeros(9), np.zeros(9)
+    own[0], image[[0, -1]] = 1.0, [0.5, 0.5]
+    for weights in (own, image):
+        model = lcm_likelihood(correlation=ScoreCorrelation(np.array(SCALES_PX), weights, np.zeros(9)))
+        found = [mle(model).estimate(part, seed=0) for part in parts]
+        total, difference = (
+            found[0].covariance + found[1].covariance,
+            difference_covariance(model, parts, found),
+        )
+        if weights is own:
+            np.testing.assert_allclose(difference, total, rtol=1e-6, atol=1e-6 * np.abs(total).max())
+        else:
+            assert np.trace(difference[:3, :3]) < np.trace(total[:3, :3])

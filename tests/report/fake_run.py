@@ -161,6 +161,7 @@ def trajectories(rng, N=120):
         "timestamps": np.linspace(0, 12, N),
         "truth": truth,
         "unit": np.array("m"),
+        "unsolved": rng.random((2, N)) < 0.03,
     }
 
 
@@ -171,6 +172,35 @@ def frame_errors(rng, N=120):
         "translation": 0.01 * size * rng.gamma(2, 1, (3, N)),
         "rotation": 0.05 * size * rng.gamma(2, 1, (3, N)),
         "timestamps": np.linspace(0, 12, N),
+    }
+
+
+def segment_errors(rng):
+    return {
+        "names": np.array(["nominal", "poselib"]),
+        "lengths": np.arange(100.0, 400.0, 100.0),
+        "speeds": np.arange(5.0, 13.0, 2.0),
+        **{f"{kind}_by_length": rng.gamma(2, 0.2, (2, 3)) for kind in ("translation", "rotation")},
+        **{f"{kind}_by_speed": rng.gamma(2, 0.2, (2, 4)) for kind in ("translation", "rotation")},
+    }
+
+
+def intrinsics(rng, N=60):
+    sigma = np.array([4.0, 0.02]) / np.sqrt(1 + np.arange(N))[:, None]
+    return {
+        "names": np.array(["cx", "k1"]),
+        "timestamps": np.arange(N) / 10,
+        "values": sigma * rng.standard_normal(2),
+        "sigma": sigma,
+    }
+
+
+def outliers(rng, H=24, W=36, V=20):
+    return {
+        "image": rng.integers(0, 256, (H, W)).astype(np.uint8),
+        "pixels": rng.uniform([0, 0], [W, H], (V, 2)),
+        "flow": rng.normal(0, 2, (V, 2)),
+        "inlier": np.arange(V) % 4 > 0,
     }
 
 
@@ -189,6 +219,9 @@ MAKERS = {
     "eigenbasis": eigenbasis,
     "trajectories": trajectories,
     "frame-errors": frame_errors,
+    "segment-errors": segment_errors,
+    "intrinsics": intrinsics,
+    "outliers": outliers,
 }
 
 

@@ -9,8 +9,9 @@ from flowlik import report
 from flowlik.errors import DataError
 from flowlik.report.draw_calibration import _magnitude_quantile, draw_table
 from flowlik.report.draw_motion import _widest_axes
-from flowlik.report.figures import FIGURES, caption, check, render
+from flowlik.report.figures import caption, check, render
 from flowlik.report.hue import flow_scale, hue_colours
+from flowlik.report.kinds import FIGURES
 from flowlik.report.style import grouped, looks, nice
 from tests.report.fake_run import MAKERS, make
 
@@ -56,7 +57,7 @@ def test_unknown_everywhere_is_drawn():
 
 def test_trajectory_without_truth_and_with_gaps_is_drawn():
     data = make("trajectories")
-    del data["truth"]
+    del data["truth"], data["unsolved"]
     data["positions"][0, 50:] = np.nan
     assert render("trajectories", data).png.startswith(PNG)
 

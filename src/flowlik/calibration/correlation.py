@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from collections.abc import Sequence as Seq
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import reduce
 
 import numpy as np
@@ -28,7 +28,7 @@ EDGES_PX = np.concatenate([[0.0], np.geomspace(3.0, 3072.0, 31)])
 
 
 @njit(cache=True, nogil=True)
-def _products(pixels, scores, n, size, first, per_octave, dot, along, norm, cosine):  # type: ignore[no-untyped-def]
+def _products(pixels, scores, n, size, first, per_octave, dot, along, down, norm, cosine, steep):  # type: ignore[no-untyped-def]
     last = len(norm) - 1
     for i in range(len(pixels)):
         for j in range(i + 1):
@@ -41,34 +41,41 @@ def _products(pixels, scores, n, size, first, per_octave, dot, along, norm, cosi
             dot[b] += w * (scores[i, 0] * scores[j, 0] + scores[i, 1] * scores[j, 1])
             along_i = n[i, 0] * scores[i, 0] + n[i, 1] * scores[i, 1]
             along[b] += w * along_i * (n[j, 0] * scores[j, 0] + n[j, 1] * scores[j, 1])
+            down[b] += w * scores[i, 1] * scores[j, 1]
             norm[b] += w
             cosine[b] += w * (n[i, 0] * n[j, 0] + n[i, 1] * n[j, 1])
+            steep[b] += w * n[i, 1] * n[j, 1]
 
 
 @dataclass(frozen=True, eq=False)
 class ScoreProducts:
     """Sums over pairs of vectors of an image pair, by distance: row 0 is each vector with itself.
 
-    Every pair counts with the root of its vectors' information, as it does in a covariance. Merging adds
-    floats: blocks merged in the same order give the same bits, in another order nearly so.
+    Every pair of vectors counts with the root of their information, as it does in a covariance, and every
+    image pair alike: where errors are small, information is a hundredfold and would speak for all. Merging
+    adds floats: blocks merged in the same order give the same bits, in another order nearly so.
 
     Attributes
     ----------
-    dot, along : array (D + 1,)
-        Sums of products [1/px^2] of whitened scores in {i}, and of their components along the flow.
-    norm, cosine : array (D + 1,)
-        Sums of the weights [1/px^2] alone, and times the cosine between the two flows.
+    dot, along, down : array (D + 1,)
+        Sums of products of whitened scores in {i}, of their components along the flow, and of those
+        along v.
+    norm, cosine, steep : array (D + 1,)
+        Sums of the weights alone, times the cosine between the two flows, and times the product of
+        their directions' components along v.
     """
 
     dot: Array
     along: Array
+    down: Array
     norm: Array
     cosine: Array
+    steep: Array
 
     @classmethod
     def empty(cls) -> ScoreProducts:
         """Sums of nothing."""
-        return cls(*np.zeros((4, len(EDGES_PX))))
+        return cls(*np.zeros((6, len(EDGES_PX))))
 
     @classmethod
     def of(cls, likelihood: FlowLikelihood, m: Measurements, z: Array) -> ScoreProducts:
@@ -77,17 +84,18 @@ class ScoreProducts:
         fisher = likelihood.fisher(x)
         scores = np.einsum("nij,nj->ni", m.R_i_e, likelihood.score(z, x) / np.sqrt(fisher))
         size = np.sqrt(fisher.mean(axis=1))
+        size /= np.linalg.norm(size)
         sums = cls.empty()
         per_octave = (len(EDGES_PX) - 2) / np.log2(EDGES_PX[-1] / EDGES_PX[1])
         _products(
             m.pixels, scores, flow_directions(m.flow), size, EDGES_PX[1], per_octave,
-            sums.dot, sums.along, sums.norm, sums.cosine,
+            sums.dot, sums.along, sums.down, sums.norm, sums.cosine, sums.steep,
         )  # fmt: skip
         return sums
 
     def merge(self, other: ScoreProducts) -> ScoreProducts:
         """Sums of both."""
-        names = ("dot", "along", "norm", "cosine")
+        names = (field.name for field in fields(self))
         return ScoreProducts(*(getattr(self, name) + getattr(other, name) for name in names))
 
     @property
@@ -98,10 +106,11 @@ class ScoreProducts:
 
 
 def fit_correlation(sums: ScoreProducts) -> ScoreCorrelation:
-    """Both sums of Gaussians by non-negative least squares, rows weighed by the root of their norm.
+    """All three sums of Gaussians by non-negative least squares, rows weighed by the root of their norm.
 
-    At a distance the mean of ``dot`` is 2 rho + rho_flow c and that of ``along`` rho c + rho_flow, with c the
-    mean cosine between flows.
+    At a distance the mean of ``dot`` is 2 rho + c rho_flow + rho_v, that of ``along`` is c rho + rho_flow +
+    s rho_v, that of ``down`` rho + s rho_flow + rho_v, with c the mean cosine between flows and s the mean
+    product of their components along v.
 
     Raises
     ------
@@ -114,16 +123,19 @@ def fit_correlation(sums: ScoreProducts) -> ScoreCorrelation:
         raise CalibrationError("no pairs of flow vectors to take the correlation of scores from")
     norm = sums.norm[rows]
     near = shapes(sums.distances_px[rows], scales)[:, 1:]
-    turned = (sums.cosine[rows] / norm)[:, None] * near
-    basis = np.block([[2 * near, turned], [turned, near]])
-    means = np.concatenate([sums.dot[rows] / norm, sums.along[rows] / norm])
-    root = np.tile(np.sqrt(norm / norm.max()), 2)
+    turned, steep = ((each[rows] / norm)[:, None] * near for each in (sums.cosine, sums.steep))
+    basis = np.block([[2 * near, turned, near], [turned, near, steep], [near, steep, near]])
+    means = np.concatenate([each[rows] / norm for each in (sums.dot, sums.along, sums.down)])
+    root = np.tile(np.sqrt(norm / norm.max()), 3)
     fitted, _ = nnls(basis * root[:, None], means * root)
-    isotropic, along = fitted.reshape(2, -1)
+    isotropic, along, vertical = fitted.reshape(3, -1)
     # the rest of the scores' variance is each vector's own
-    own = 0.5 * sums.dot[0] / sums.norm[0] - isotropic.sum() - 0.5 * along.sum()
+    own = 0.5 * sums.dot[0] / sums.norm[0] - isotropic.sum() - 0.5 * (along.sum() + vertical.sum())
     return ScoreCorrelation(
-        scales, np.concatenate([[max(own, 0.0)], isotropic]), np.concatenate([[0.0], along])
+        scales,
+        np.concatenate([[max(own, 0.0)], isotropic]),
+        np.concatenate([[0.0], along]),
+        np.concatenate([[0.0], vertical]),
     )
 
 

@@ -57,6 +57,10 @@ def run(
     ] = "none",
     gate: Annotated[float | None, typer.Option(help="Texture gate [intensity²/px²].")] = None,
     frames: Annotated[int | None, typer.Option(min=2, help="Only the first so many frames.")] = None,
+    start: Annotated[int, typer.Option(min=0, help="First frame.")] = 0,
+    skip_bad_frames: Annotated[
+        bool, typer.Option("--skip-bad-frames", help="Go on over frames missing or unreadable; report them.")
+    ] = False,
     format: Format = None,
     camera: Camera = None,
     frames_per_second: FrameRate = None,
@@ -85,6 +89,6 @@ def run(
     result = odometry(
         data, out, model, method, estimator, residual, scale, height, self_calibrate, boresight, gate, frames,
         format, seed, command_line(), terminal_progress, camera, frames_per_second,
-        topic, bag, view, record,
+        topic, bag, view, record, start, skip_bad_frames,
     )  # fmt: skip
     show_run(result, json)

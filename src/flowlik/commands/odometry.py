@@ -2,29 +2,32 @@
 
 from __future__ import annotations
 
-import csv
 import time
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
+from flowlik.commands.odometry_files import write_frames, write_intrinsics
 from flowlik.datasets import open_sequence
 from flowlik.datasets.base import Sequence
+from flowlik.datasets.selection import Skipped, select_frames
 from flowlik.egomotion import EgoMotion, Estimator, lcmsac, mle, ransac
-from flowlik.egomotion.self_calibration import Intrinsics, SelfCalibration
+from flowlik.egomotion.self_calibration import SelfCalibration
 from flowlik.errors import DataError, MissingFieldError
+from flowlik.evaluation.data_check import agreement, disagreement_warning
 from flowlik.evaluation.drift import relative_pose_errors
 from flowlik.evaluation.evidence import outside_warning
 from flowlik.evaluation.motion_records import status_records, trajectory_records, true_trajectory
 from flowlik.extras import extra
-from flowlik.files import atomic_write
+from flowlik.features import features_of
 from flowlik.flow import confirmed_method, describe, flow_method, method_label
 from flowlik.flow.base import FlowMethod
 from flowlik.model_file import load_likelihood
-from flowlik.odometry import Odometry, ResidualKind, features_of, run_odometry
+from flowlik.odometry import Odometry, ResidualKind, run_odometry
 from flowlik.progress import Progress, no_progress
 from flowlik.records import Record, protocol, select
 from flowlik.ros_odometry import write_odometry_bag
@@ -60,6 +63,8 @@ def odometry(
     bag: bool = False,
     view: bool = False,
     record: bool = False,
+    start: int = 0,
+    skip_bad_frames: bool = False,
 ) -> RunFolder:
     """Estimate the trajectory of a sequence, and its errors where the data set has poses.
 
@@ -109,6 +114,11 @@ def odometry(
         Also write the trajectory as a ROS 2 bag, ``odometry_bag``.
     view, record : bool
         Show the run live in the rerun viewer; record it as ``view.rrd``.
+    start : int
+        First frame; what comes before is not looked at.
+    skip_bad_frames : bool
+        Go on over frames that are missing or unreadable, or whose time does not advance; the report tells
+        which.
 
     Raises
     ------
@@ -122,7 +132,8 @@ def odometry(
         raise DataError(f"unknown boresight {boresight!r}: known are none, causal")
     if bag:
         extra("rosbags", "--bag")
-    sequence = open_sequence(data, format, camera, frames_per_second, topic)
+    whole = open_sequence(data, format, camera, frames_per_second, topic, skip_bad_frames)
+    sequence, skipped = select_frames(whole, start, frames, skip_bad_frames)
     kind = _residual_kind(sequence, residual)
     source = scale_source(scale, sequence, height_m)
     if kind == "depth":
@@ -133,8 +144,9 @@ def odometry(
         "data": str(data), "model": None if model is None else str(model), "estimator": estimator,
         "residual": kind, "scale": scale, "gate": gate, "frames": frames, "method": describe(flow),
         "camera": camera, "frames_per_second": frames_per_second, "topic": topic,
+        "start": start, "skip_bad_frames": skip_bad_frames,
     }  # fmt: skip
-    count = len(sequence) if frames is None else min(frames, len(sequence))
+    count = len(sequence)
     # a pose file that cannot be used is told before the work, not after it
     truth = true_trajectory(sequence, count)
     if boresight == "causal" and truth is None:
@@ -143,11 +155,18 @@ def odometry(
 
     settings = SelfCalibration() if self_calibrate else None
     robot = Odometry(sequence.camera, flow, chosen, seed, source, settings, boresight == "causal")
-    loop = run_odometry(sequence, robot, kind, frames)
-    start = time.perf_counter()
-    watched = watched_by(viewer(view, run.begin() / "view.rrd" if record else None), loop, sequence, robot)
-    motions = list(progress(watched, f"{estimator} on {sequence.name}", count - 1))
-    seconds = time.perf_counter() - start
+    loop = run_odometry(sequence, robot, kind)
+    shown = viewer(view, run.begin() / "view.rrd" if record else None)
+    loop = watched_by(shown, loop, sequence, robot)
+    begin = time.perf_counter()
+    motions, agreements = [], []
+    for motion in progress(loop, f"{estimator} on {sequence.name}", count - 1):
+        motions.append(motion)
+        if truth is not None and robot.last is not None:
+            k = len(motions)
+            T = truth.poses[k].inv() * truth.poses[k - 1]
+            agreements.append(agreement(robot.last.measurements, robot.last.camera, T, motion.T_k_prev))
+    seconds = time.perf_counter() - begin
     if not any(motion.solved for motion in motions):
         reason = motions[0].reason if motions else "there is only one image"
         raise DataError(f"{sequence.name}: no frame could be solved ({reason})")
@@ -158,17 +177,24 @@ def odometry(
     write_covariance(run.path, estimated, motions)
     if bag:
         write_odometry_bag(run.path / "odometry_bag", estimated, motions)
-    _write_frames(run.path / "frames.csv", estimated, motions)
+    write_frames(run.path / "frames.csv", estimated, motions, sequence.frames[1:])
     if robot.intrinsics:
-        write_intrinsics(run.path / "intrinsics.csv", robot.intrinsics)
+        write_intrinsics(run.path / "intrinsics.csv", robot.intrinsics, sequence.frames)
     keys = {
         "residual": kind, "scale": scale, "boresight": boresight, "self_calibrate": self_calibrate,
         "gate": "none" if gate is None else gate, "features": features_of(flow),
         "timestamps": getattr(sequence, "times_source", None),
     }  # fmt: skip
     run.records = _records(sequence, estimated, truth, motions, chosen, flow, seed, keys, seconds)
-    _figures(run, estimated, truth, estimator, flow, metric=scale != "none")
+    unsolved = np.array([False, *(not motion.solved for motion in motions)])
+    _figures(run, estimated, truth, unsolved, estimator, flow, metric=scale != "none")
     (outside,) = select(run.records, metric="outside_fraction")
+    if skip_bad_frames:
+        run.records.append(_skipped_record(run.records[0], skipped))
+    if message := disagreement_warning(sequence.name, sequence.frames[1:], agreements):
+        run.warn(message)
+    for bad in skipped:
+        run.warn(f"{sequence.name}: frame {bad.frame} skipped: {bad.reason}")
     if message := outside_warning(outside.value or 0.0, sequence.name):
         run.warn(message)
     if predicted := sum(motion.predicted for motion in motions):
@@ -245,7 +271,13 @@ def _records(
 
 
 def _figures(
-    run: RunFolder, estimated: Trajectory, truth: Trajectory | None, name: str, flow: FlowMethod, metric: bool
+    run: RunFolder,
+    estimated: Trajectory,
+    truth: Trajectory | None,
+    unsolved: NDArray[np.bool_],
+    name: str,
+    flow: FlowMethod,
+    metric: bool,
 ) -> None:
     label = method_label(describe(flow))
     origin = estimated.poses[0] if truth is None else truth.poses[0]
@@ -255,6 +287,7 @@ def _figures(
         "positions": positions,
         "timestamps": estimated.timestamps,
         "unit": np.array("m" if metric else "steps"),
+        "unsolved": unsolved[None],
     }
     if truth is not None and metric:
         arrays["truth"] = truth.positions
@@ -265,32 +298,5 @@ def _figures(
     run.save("trajectories", label, arrays)
 
 
-def _write_frames(path: Path, estimated: Trajectory, motions: list[EgoMotion]) -> None:
-    """One row a frame: status and reason, whether predicted, standard deviations, inliers, losses."""
-    with atomic_write(path) as file:
-        writer = csv.writer(file)
-        writer.writerow(
-            ["frame", "timestamp_s", "status", "reason", "predicted", "sigma_rotation_deg",
-             "sigma_translation", "inliers", "unit", "informative", "components",
-             "outside_fraction", "hypotheses", "log_prob_nat", "excluded"]
-        )  # fmt: skip
-        for k, motion in enumerate(motions, start=1):
-            excluded = " ".join(f"{reason}:{count}" for reason, count in motion.excluded.items() if count)
-            variance = np.diag(motion.covariance).reshape(2, 3).sum(axis=1)
-            rotation, translation = np.sqrt(variance) * [np.degrees(1.0), 1.0]
-            writer.writerow(
-                [k, estimated.timestamps[k], motion.status.value, motion.reason, int(motion.predicted),
-                 f"{rotation:.6g}", f"{translation:.6g}", motion.inliers,
-                 motion.inlier_unit, motion.informative, motion.components,
-                 f"{motion.outside:.4f}", motion.hypotheses, f"{motion.log_prob:.3f}", excluded]
-            )  # fmt: skip
-
-
-def write_intrinsics(path: Path, states: list[Intrinsics]) -> None:
-    """One row a frame: the refined parameters [px, 1] and their standard deviations."""
-    names = states[0].settings.names
-    with atomic_write(path) as file:
-        writer = csv.writer(file)
-        writer.writerow(["frame", *names, *(f"sigma_{name}" for name in names)])
-        for k, state in enumerate(states):
-            writer.writerow([k, *(f"{v:.6g}" for v in (*state.values, *state.sigma))])
+def _skipped_record(base: Record, skipped: list[Skipped]) -> Record:
+    return replace(base, metric="skipped_frames", value=float(len(skipped)), unit="", count=None, protocol="")

@@ -32,11 +32,11 @@ from flowlik.evaluation.baselines import opencv_pnp
 from flowlik.evaluation.drift import relative_pose_errors
 from flowlik.evaluation.evidence import table
 from flowlik.evaluation.motion_records import trajectory_records, true_trajectory
+from flowlik.features import features_of, measure_features
 from flowlik.flow import flow_method
 from flowlik.flow.base import FlowMethod
 from flowlik.likelihood import FlowLikelihood
 from flowlik.model_file import save_likelihood
-from flowlik.odometry import features_of, measure_features
 from flowlik.progress import Progress, no_progress
 from flowlik.records import Record, protocol
 from flowlik.runs import RunFolder

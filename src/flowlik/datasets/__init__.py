@@ -28,7 +28,7 @@ class Format:
     layout : str
         What is expected there, in words.
     options : tuple of str
-        Of ``camera``, ``frames_per_second`` and ``topic``, those that the format takes.
+        Of ``camera``, ``frames_per_second``, ``topic`` and ``lenient``, those that the format takes.
     """
 
     open: Callable[..., Sequence]
@@ -37,16 +37,16 @@ class Format:
     options: tuple[str, ...] = ()
 
 
-def _open_kitti(path: Path) -> Sequence:
+def _open_kitti(path: Path, **options: Any) -> Sequence:
     from flowlik.datasets.kitti import KittiOdometry
 
-    return KittiOdometry(path)
+    return KittiOdometry(path, **options)
 
 
-def _open_kitti_raw(path: Path) -> Sequence:
+def _open_kitti_raw(path: Path, **options: Any) -> Sequence:
     from flowlik.datasets.kitti_raw import KittiRaw
 
-    return KittiRaw(path)
+    return KittiRaw(path, **options)
 
 
 def _open_tartanair(path: Path) -> Sequence:
@@ -127,8 +127,8 @@ _BOTH = ("camera", "frames_per_second")
 
 FORMATS: dict[str, Format] = {
     "kitti-flow": Format(_open_kitti_flow, layouts.kitti_flow, "image_2, image_0 or colored_0 with flow_occ"),
-    "kitti": Format(_open_kitti, layouts.kitti, "image_0 or image_2"),
-    "kitti-raw": Format(_open_kitti_raw, layouts.kitti_raw, "image_00 or image_02"),
+    "kitti": Format(_open_kitti, layouts.kitti, "image_0 or image_2", ("lenient",)),
+    "kitti-raw": Format(_open_kitti_raw, layouts.kitti_raw, "image_00 or image_02", ("lenient",)),
     "tartanair": Format(_open_tartanair, layouts.tartanair, "image_lcam_front"),
     "sintel": Format(_open_sintel, layouts.sintel, "frame_NNNN.png, the folder being training/clean/SCENE"),
     "middlebury-flow": Format(_open_middlebury_flow, layouts.middlebury_flow, "frame10.png"),
@@ -139,7 +139,7 @@ FORMATS: dict[str, Format] = {
     "euroc": Format(_open_euroc, layouts.euroc, "mav0/cam0"),
     "ros": Format(_open_ros, layouts.ros, "a ROS bag or .mcap", ("camera", "topic")),
     "video": Format(_open_video, layouts.video, "a file such as .mp4", _BOTH),
-    "image-folder": Format(_open_image_folder, layouts.image_folder, "images", _BOTH),
+    "image-folder": Format(_open_image_folder, layouts.image_folder, "images", (*_BOTH, "lenient")),
 }
 """Formats by name, in the order in which they are tried on a folder: the more particular layout first."""
 
@@ -168,6 +168,7 @@ def open_sequence(
     camera: CameraLike | None = None,
     frames_per_second: float | None = None,
     topic: str | None = None,
+    lenient: bool = False,
 ) -> Sequence:
     """Open the folder of a sequence, or a video file.
 
@@ -185,6 +186,9 @@ def open_sequence(
         Frame rate [Hz] for a format without times.
     topic : str, optional
         Topic of the images of a ROS bag; needed where there are several.
+    lenient : bool
+        Open it though images are missing between others or times go back; `select_frames` then leaves out
+        what cannot be used.
 
     Raises
     ------
@@ -200,6 +204,8 @@ def open_sequence(
         if option not in FORMATS[name].options:
             takers = ", ".join(n for n, f in FORMATS.items() if option in f.options)
             raise DataError(f"{path}: format {name} has its own {option}, only {takers} take one")
+    if lenient and "lenient" in FORMATS[name].options:
+        given["lenient"] = True
     if camera is None:
         return FORMATS[name].open(Path(path), **given)
     from flowlik.datasets.intrinsics import read_if_file

@@ -32,6 +32,8 @@ class ImageFolder(FrameFiles):
         raises.
     frames_per_second : float, optional
         Frame rate [Hz]; by default 1, so that times are frame numbers.
+    lenient : bool
+        Times may go back: frames whose time does not advance are told when they are chosen.
 
     Attributes
     ----------
@@ -50,6 +52,7 @@ class ImageFolder(FrameFiles):
         folder: Path | str,
         camera: CameraLike | None = None,
         frames_per_second: float | None = None,
+        lenient: bool = False,
     ) -> None:
         folder = Path(folder)
         if not folder.is_dir():
@@ -61,7 +64,7 @@ class ImageFolder(FrameFiles):
         self._camera = None if camera is None else given_camera(camera, self.shape)
         self.frames_per_second = check_rate(1.0 if frames_per_second is None else frames_per_second)
         path = folder / "times.txt"
-        self._times_s = read_times(path) if path.is_file() else None
+        self._times_s = read_times(path, increasing=not lenient) if path.is_file() else None
         if self._times_s is not None and len(self._times_s) != len(files):
             raise DataError(f"{path}: {len(self._times_s)} times for {len(files)} images")
         rate = f"frame/{self.frames_per_second:g}s"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.camera import Pinhole
-from flowlik.datasets.base import lacks, read_grey
+from flowlik.datasets.base import frame_index, lacks, read_grey
 from flowlik.errors import DataError
 from flowlik.files import numbers, read_text
 from flowlik.trajectory import FRAME_RATE, read_kitti_poses, read_times
@@ -57,6 +58,8 @@ class KittiOdometry:
     poses : Path or str, optional
         Pose file, one row an image. By default ``poses.txt`` in the folder (a clip's own), else
         ``../../poses/NN.txt`` (the official layout). It is read when a pose is first asked for.
+    lenient : bool
+        Images may be missing between others, and times go back: what cannot be used is told when it is read.
 
     Attributes
     ----------
@@ -72,7 +75,7 @@ class KittiOdometry:
         do not increase or are not one an image.
     """
 
-    def __init__(self, folder: Path | str, poses: Path | str | None = None) -> None:
+    def __init__(self, folder: Path | str, poses: Path | str | None = None, lenient: bool = False) -> None:
         self.folder = Path(folder)
         self.name = f"kitti/{self.folder.resolve().name}"
         if not self.folder.is_dir():
@@ -82,11 +85,11 @@ class KittiOdometry:
         if images is None:
             raise DataError(f"{self.folder}: no folder {' or '.join(IMAGE_FOLDERS)} in this KITTI sequence")
         self._images = images
-        self._files = numbered_images(self.folder / images)
+        self._files = numbered_images(self.folder / images, lenient)
         K, self._t_c_0 = read_calibration(self.folder / "calib.txt", IMAGE_FOLDERS[images])
-        height, width = read_grey(self._files[0]).shape
+        height, width = first_shape(self._files, lenient)
         self._camera = Pinhole(width, height, *map(float, (K[0, 0], K[1, 1], K[0, 2], K[1, 2])))
-        self._timestamps, self.times_source = self._read_times()
+        self._timestamps, self.times_source = self._read_times(lenient)
 
     @property
     def camera(self) -> Pinhole:
@@ -99,7 +102,7 @@ class KittiOdometry:
 
     def image(self, k: int) -> NDArray[np.uint8]:
         """Grey image (H, W) of frame k; a DataError if it is unreadable or of another size than the first."""
-        path = self._files[self._index(k)]
+        path = self._files[frame_index(self, k)]
         image = read_grey(path)
         expected = (self._camera.height, self._camera.width)
         if image.shape != expected:
@@ -108,11 +111,11 @@ class KittiOdometry:
 
     def timestamp(self, k: int) -> float:
         """Time [s] of frame k."""
-        return float(self._timestamps[self._index(k)])
+        return float(self._timestamps[frame_index(self, k)])
 
     def right_image(self, k: int) -> NDArray[np.uint8]:
         """Grey image (H, W) of the camera to the right, where its folder is there."""
-        path = self.folder / RIGHT_FOLDERS[self._images] / self._files[self._index(k)].name
+        path = self.folder / RIGHT_FOLDERS[self._images] / self._files[frame_index(self, k)].name
         if not path.is_file():
             raise lacks(self.name, f"right image ({RIGHT_FOLDERS[self._images]}/{path.name})")
         return read_grey(path)
@@ -125,7 +128,7 @@ class KittiOdometry:
 
     def T_n_c(self, k: int) -> RigidTransform:
         """Return the true pose of frame k, which takes points in {c} to points in {n} [m]."""
-        return self._poses[self._index(k)]
+        return self._poses[frame_index(self, k)]
 
     def depth(self, k: int) -> NDArray[np.float64]:
         """Raise: KITTI odometry has no depth."""
@@ -147,19 +150,14 @@ class KittiOdometry:
             raise DataError(f"{path}: {len(T_n_0)} poses for the {len(self)} images of {self.name}")
         return T_n_0 * RigidTransform.from_translation(-self._t_c_0)
 
-    def _read_times(self) -> tuple[NDArray[np.float64], str]:
+    def _read_times(self, lenient: bool) -> tuple[NDArray[np.float64], str]:
         path = self.folder / "times.txt"
         if not path.exists():
             return np.arange(len(self)) / FRAME_RATE, "frame/10s"
-        seconds = read_times(path)
+        seconds = read_times(path, increasing=not lenient)
         if len(seconds) != len(self):
             raise DataError(f"{path}: {len(seconds)} times for the {len(self)} images of {self.name}")
         return seconds, "times.txt"
-
-    def _index(self, k: int) -> int:
-        if not 0 <= k < len(self):
-            raise IndexError(f"{self.name} has frames 0 to {len(self) - 1}, not {k}")
-        return k
 
 
 def read_calibration(path: Path | str, row: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -210,8 +208,11 @@ def _calibration_rows(path: Path | str) -> list[tuple[str, list[float]]]:
     return rows
 
 
-def numbered_images(folder: Path) -> list[Path]:
-    """PNG files of a folder in the order of their numbers, which must be consecutive."""
+def numbered_images(folder: Path, gaps: bool = False) -> list[Path]:
+    """PNG files of a folder in the order of their numbers, which must be consecutive.
+
+    With ``gaps`` the files that are missing in between stand in the list too.
+    """
     files = list(folder.glob("*.png"))
     if not files:
         raise DataError(f"{folder}: no images (NNNNNN.png)")
@@ -219,10 +220,23 @@ def numbered_images(folder: Path) -> list[Path]:
     if stray:
         raise DataError(f"{stray[0]}: images must be named by frame number (NNNNNN.png)")
     files.sort(key=lambda path: int(path.stem))
+    if gaps:
+        there = {int(path.stem): path for path in files}
+        digits = len(files[0].stem)
+        numbers_ = range(int(files[0].stem), int(files[-1].stem) + 1)
+        return [there.get(number, folder / f"{number:0{digits}d}.png") for number in numbers_]
     for previous, current in pairwise(files):
         if int(current.stem) != int(previous.stem) + 1:
             raise DataError(f"{folder}: images are missing between {previous.name} and {current.name}")
     return files
+
+
+def first_shape(files: list[Path], lenient: bool = False) -> tuple[int, ...]:
+    """Height and width of the first image, or with ``lenient`` of the first that can be read."""
+    for path in files[:-1] if lenient else []:
+        with suppress(DataError):
+            return read_grey(path).shape
+    return read_grey(files[-1] if lenient else files[0]).shape
 
 
 def _size(shape: tuple[int, ...]) -> str:

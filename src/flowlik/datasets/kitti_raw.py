@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.camera import Pinhole
 from flowlik.datasets.base import frame_index, lacks, read_grey
-from flowlik.datasets.kitti import numbered_images
+from flowlik.datasets.kitti import first_shape, numbered_images
 from flowlik.errors import DataError
 from flowlik.files import numbers, read_table, read_text
 from flowlik.trajectory import FRAME_RATE, check_times
@@ -19,6 +19,12 @@ from flowlik.trajectory import FRAME_RATE, check_times
 EARTH_RADIUS_M = 6378137.0
 OXTS_COLUMNS = 30
 FOLDERS = {"image_00": "00", "image_02": "02"}
+ODOMETRY_DRIVES = {
+    "00": ("2011_10_03_drive_0027", 4541),
+    "01": ("2011_10_03_drive_0042", 1101),
+    "03": ("2011_09_26_drive_0067", 801),
+}
+"""Drives whose first frames are sequences of the odometry benchmark (by its devkit), and how many."""
 RIGHT = {"00": "01", "02": "03"}
 
 
@@ -35,6 +41,8 @@ class KittiRaw:
     folder : Path or str
         The drive, with ``image_00/data`` or ``image_02/data`` and, for poses, ``oxts/data``; the calibration
         stands in the folder above (the day's), or in this one.
+    lenient : bool
+        Images may be missing between others, and times go back: what cannot be used is told when it is read.
 
     Raises
     ------
@@ -44,7 +52,7 @@ class KittiRaw:
 
     times_source = "frame/10s"
 
-    def __init__(self, folder: Path | str) -> None:
+    def __init__(self, folder: Path | str, lenient: bool = False) -> None:
         self.folder = Path(folder)
         self.name = f"kitti-raw/{self.folder.resolve().name}"
         if not self.folder.is_dir():
@@ -55,11 +63,11 @@ class KittiRaw:
                 f"{self.folder}: no folder image_00/data or image_02/data in this KITTI raw drive"
             )
         self._number = FOLDERS[images]
-        self._files = numbered_images(self.folder / images / "data")
+        self._files = numbered_images(self.folder / images / "data", lenient)
         self._P = self._calibration("calib_cam_to_cam.txt", f"P_rect_{self._number}", 12).reshape(3, 4)
-        height, width = read_grey(self._files[0]).shape
+        height, width = first_shape(self._files, lenient)
         self._camera = Pinhole(width, height, *map(float, self._P[[0, 1, 0, 1], [0, 1, 2, 2]]))
-        self._timestamps = self._read_times(self.folder / images / "timestamps.txt")
+        self._timestamps = self._read_times(self.folder / images / "timestamps.txt", lenient)
 
     @property
     def camera(self) -> Pinhole:
@@ -145,7 +153,7 @@ class KittiRaw:
                 return np.array(found)
         raise DataError(f"{path}: no row {row}")
 
-    def _read_times(self, path: Path) -> NDArray[np.float64]:
+    def _read_times(self, path: Path, lenient: bool) -> NDArray[np.float64]:
         if not path.is_file():
             return np.arange(len(self)) / FRAME_RATE
         try:
@@ -157,7 +165,8 @@ class KittiRaw:
         if len(stamps) != len(self):
             raise DataError(f"{path}: {len(stamps)} times for the {len(self)} images of {self.name}")
         seconds = (stamps - stamps[0]).astype(np.int64) / 1e9
-        check_times(seconds, str(path))
+        if not lenient:
+            check_times(seconds, str(path))
         self.times_source = "timestamps.txt"
         return np.asarray(seconds, dtype=np.float64)
 

@@ -1,9 +1,10 @@
 """Ego-motion from flow: residuals, one estimator, and its result."""
 
 from flowlik.egomotion.epipolar import Epipolar
-from flowlik.egomotion.estimator import Estimator, lcmsac, mle, ransac
+from flowlik.egomotion.estimator import Estimator
 from flowlik.egomotion.known_depth import KnownDepth
 from flowlik.egomotion.posterior import GaussianPrior, LogProb, log_prob
+from flowlik.egomotion.presets import lcmsac, mle, ransac
 from flowlik.egomotion.residual import Residual
 from flowlik.egomotion.result import EgoMotion, Status
 

@@ -72,11 +72,14 @@ def linearise_depth(T, directions, rho, ends, R_i_e, camera):  # type: ignore[no
     return z, J
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
 def equations_depth(T, directions, rho, ends, R_i_e, camera, rows, fisher, used, log_prob, weight, widened):  # type: ignore[no-untyped-def]
-    """`linearise_depth` and `tables.normal_equations` in one pass: H, b, sum of log_prob, components lost."""
+    """`linearise_depth` and `tables.normal_equations` in one pass: H, b, sum of log_prob, components lost.
+
+    A vector's two components share its Jacobian in {i}; what they say is turned into {i} first.
+    """
     H, b, total, lost = np.zeros((6, 6)), np.zeros(6), 0.0, 0
-    J, row = np.empty((2, 6)), np.empty(6)
+    J = np.empty((2, 6))
     last_row, scale = log_prob.shape[0] - 2, 1.0 / widened
     for n in range(len(rho)):
         if used[2 * n] == 0 and used[2 * n + 1] == 0:
@@ -85,27 +88,55 @@ def equations_depth(T, directions, rho, ends, R_i_e, camera, rows, fisher, used,
         if not valid:
             lost += int(used[2 * n]) + int(used[2 * n + 1])
             continue
-        for e in range(2):
-            c = 2 * n + e
+        gu = gv = fuu = fuv = fvv = 0.0
+        for c in (2 * n, 2 * n + 1):
             if used[c] == 0:
                 continue
-            p, q = scale * R_i_e[n, 0, e], scale * R_i_e[n, 1, e]
+            p, q = scale * R_i_e[n, 0, c - 2 * n], scale * R_i_e[n, 1, c - 2 * n]
             z = p * u + q * v
             i, (j, f) = min(int(rows[c]), last_row), magnitude_position(abs(z))
             a = rows[c] - i
             total += bilinear(log_prob, i, a, j, f)
             wz = bilinear(weight, i, a, j, f) * z
-            for i in range(6):
-                row[i] = p * J[0, i] + q * J[1, i]
-            for i in range(6):
-                b[i] -= wz * row[i]
-                fj = fisher[c] * row[i]
-                for j in range(i, 6):
-                    H[i, j] += fj * row[j]
+            gu += wz * p
+            gv += wz * q
+            fuu += fisher[c] * p * p
+            fuv += fisher[c] * p * q
+            fvv += fisher[c] * q * q
+        for i in range(6):
+            b[i] -= gu * J[0, i] + gv * J[1, i]
+            fu, fv = fuu * J[0, i] + fuv * J[1, i], fuv * J[0, i] + fvv * J[1, i]
+            for j in range(i, 6):
+                H[i, j] += fu * J[0, j] + fv * J[1, j]
     for i in range(6):
         for j in range(i):
             H[i, j] = H[j, i]
     return H, b, total, lost
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+def total_score_depth(T, directions, rho, ends, R_i_e, camera, rows, used, bounds, weight):  # type: ignore[no-untyped-def]
+    """Gradient b (6,) of `equations_depth` alone, of the components within bounds (2N,)."""
+    b, J, last_row = np.zeros(6), np.empty((2, 6)), weight.shape[0] - 2
+    for n in range(len(rho)):
+        if used[2 * n] == 0 and used[2 * n + 1] == 0:
+            continue
+        u, v, valid = _depth_rows(T, directions[n], rho[n], ends[n], camera, J)
+        if not valid:
+            continue
+        gu = gv = 0.0
+        for c in (2 * n, 2 * n + 1):
+            p, q = R_i_e[n, 0, c - 2 * n], R_i_e[n, 1, c - 2 * n]
+            z = p * u + q * v
+            if used[c] == 0 or abs(z) > bounds[c]:
+                continue
+            i, (j, f) = min(int(rows[c]), last_row), magnitude_position(abs(z))
+            wz = bilinear(weight, i, rows[c] - i, j, f) * z
+            gu += wz * p
+            gv += wz * q
+        for i in range(6):
+            b[i] -= gu * J[0, i] + gv * J[1, i]
+    return b
 
 
 @njit(cache=True, nogil=True)

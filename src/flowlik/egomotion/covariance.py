@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numba import njit
 
@@ -11,6 +13,7 @@ from flowlik.measurements import Measurements
 
 # two cubic B-splines on a grid of this spacing, in units of the scale, overlap like a Gaussian of it
 SPACING = float(np.sqrt(1.5))
+LEAST_CURVATURE = 0.05
 
 
 def sandwich(information: Array, variability: Array, basis: Array) -> Array:
@@ -27,6 +30,38 @@ def sandwich(information: Array, variability: Array, basis: Array) -> Array:
     """
     inverse = basis @ np.linalg.inv(basis.T @ information @ basis) @ basis.T
     return inverse @ variability @ inverse
+
+
+def observed_sensitivity(
+    gradient: Callable[[Array], Array], expected: Array, covariance: Array, basis: Array
+) -> Array:
+    """Sensitivity A (6, 6) of the total score as this frame has it, over a standard deviation either way.
+
+    The Fisher information is that of a density that holds. Where errors are wider than it says, the score
+    changes more slowly with the motion, and a frame tells so itself.
+
+    Parameters
+    ----------
+    gradient : callable
+        Total score (6,) after a step (6,) along the tangent.
+    expected : array (6, 6)
+        Fisher information, by which curvatures are measured: none is taken for less than a twentieth of it.
+    covariance : array (6, 6)
+        Of the motion's error, at first: its principal axes are the steps.
+    basis : array (6, D)
+        Observable directions, orthonormal.
+    """
+    C = basis.T @ covariance @ basis
+    sigma = np.sqrt(np.diag(C))
+    values, vectors = np.linalg.eigh(C / np.outer(sigma, sigma))
+    steps = sigma[:, None] * vectors * np.sqrt(np.maximum(values, 1e-12))
+    falls = [0.5 * basis.T @ (gradient(-basis @ step) - gradient(basis @ step)) for step in steps.T]
+    A = np.stack(falls, axis=1) @ np.linalg.inv(steps)
+    root = np.linalg.cholesky(basis.T @ expected @ basis)
+    relative = np.linalg.solve(root, np.linalg.solve(root, 0.5 * (A + A.T)).T)
+    values, vectors = np.linalg.eigh(relative)
+    half = basis @ root @ vectors * np.sqrt(np.maximum(values, LEAST_CURVATURE))
+    return half @ half.T
 
 
 def temperature(information: Array, variability: Array) -> float:
@@ -60,19 +95,34 @@ def score_covariance(
     correlation : ScoreCorrelation
         Of the likelihood.
     """
-    n = len(m)
-    roots = np.sqrt(fisher)[:, None] * J
-    G = np.empty((n, 3, 6))  # scores along u, v and the flow, as functions of the tangent
-    G[:, :2] = np.einsum("nki,nkj->nij", directions.reshape(n, -1, 2), roots.reshape(n, -1, 6))
-    G[:, 2] = np.einsum("ni,nij->nj", flow_directions(m.flow), G[:, :2])
-    weights = np.stack([correlation.isotropic, correlation.isotropic, correlation.along])
-    B = np.einsum("b,nbi,nbj->ij", weights[:, 0], G, G, optimize=True)
-    whole = G.sum(axis=0)
-    B += np.einsum("b,bi,bj->ij", weights[:, -1], whole, whole)
-    for scale, w in zip(correlation.scales_px, weights[:, 1:-1].T):
-        if w.any():
-            B += smoothed_products(m.pixels, G, SPACING * scale, w)
+    G = _whitened(directions, fisher, J, flow_directions(m.flow))
+    B = np.zeros((6, 6))
+    # scores along u and v, along the flow, and along v, as functions of the tangent
+    for scores, weights in (
+        (G[:, :2], correlation.isotropic), (G[:, 2:], correlation.along), (G[:, 1:2], correlation.vertical),
+    ):  # fmt: skip
+        flat, whole = scores.reshape(-1, 6), scores.sum(axis=0)
+        B += weights[0] * (flat.T @ flat) + weights[-1] * (whole.T @ whole)
+        for scale, weight in zip(correlation.scales_px, weights[1:-1]):
+            if weight > 0:
+                B += weight * smoothed_products(m.pixels, scores, SPACING * scale)
     return B
+
+
+@njit(cache=True, nogil=True)
+def _whitened(directions, fisher, J, along):  # type: ignore[no-untyped-def]
+    """Scores in units of the root information (N, 3, 6) along u, v and the unit vectors `along` (N, 2)."""
+    n = len(along)
+    G, each = np.zeros((n, 3, 6)), len(fisher) // n
+    for i in range(n):
+        for c in range(each * i, each * i + each):
+            root = np.sqrt(fisher[c])
+            for j in range(6):
+                G[i, 0, j] += root * directions[c, 0] * J[c, j]
+                G[i, 1, j] += root * directions[c, 1] * J[c, j]
+        for j in range(6):
+            G[i, 2, j] = along[i, 0] * G[i, 0, j] + along[i, 1] * G[i, 1, j]
+    return G
 
 
 @njit(cache=True, inline="always")
@@ -87,31 +137,29 @@ def _spline(a, w):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
-def smoothed_products(pixels, G, spacing, weights):  # type: ignore[no-untyped-def]
-    """``sum_ij k(p_i - p_j) G_i^T G_j`` (6, 6), each row b of G (N, K, 6) times its weight.
+def smoothed_products(pixels, G, spacing):  # type: ignore[no-untyped-def]
+    """``sum_ij k(p_i - p_j) G_i^T G_j`` (6, 6) of G (N, K, 6).
 
     k is the overlap of two splines: G is spread over a grid and the nodes' squares are added up.
     """
-    kinds = len(weights)
-    flat = G.reshape(len(G), kinds * 6)
+    width = G.shape[1] * 6
     u0, v0 = pixels[:, 0].min(), pixels[:, 1].min()
     columns = int((pixels[:, 0].max() - u0) / spacing) + 4
     rows = int((pixels[:, 1].max() - v0) / spacing) + 4
-    grid = np.zeros((rows, columns, kinds * 6))
-    wu, wv = np.empty(4), np.empty(4)
+    grid = np.zeros((rows, columns, width))
+    flat, wu, wv = np.empty(width), np.empty(4), np.empty(4)
     for i in range(len(pixels)):
         u, v = (pixels[i, 0] - u0) / spacing, (pixels[i, 1] - v0) / spacing
         c0, r0 = int(u), int(v)
         _spline(u - c0, wu)
         _spline(v - r0, wv)
+        for j in range(width):
+            flat[j] = G[i, j // 6, j % 6]
         for r in range(4):
             for c in range(4):
                 w = wv[r] * wu[c]
-                for j in range(kinds * 6):
-                    grid[r0 + r, c0 + c, j] += w * flat[i, j]
-    nodes = grid.reshape(rows * columns, kinds * 6)
-    products = nodes.T @ nodes
-    B = np.zeros((6, 6))
-    for b in range(kinds):
-        B += weights[b] * products[6 * b : 6 * b + 6, 6 * b : 6 * b + 6]
-    return 0.5 * (B + B.T)
+                node = grid[r0 + r, c0 + c]
+                for j in range(width):
+                    node[j] += w * flat[j]
+    nodes = grid.reshape(rows * columns * G.shape[1], 6)
+    return nodes.T @ nodes

@@ -32,6 +32,7 @@ class Epipolar:
     minimal: ClassVar[int] = 5
     components_per_vector: ClassVar[int] = 1
     metric: ClassVar[bool] = False
+    counted_px: ClassVar[float] = 1.0
     measurements: Measurements
     camera: Pinhole
     excluded: dict[str, int] = field(default_factory=dict)
@@ -49,6 +50,7 @@ class Epipolar:
 
     _rays: tuple[Array, Array] = field(init=False, repr=False)
     _focal: tuple[float, float] = field(init=False, repr=False)
+    _isotropic: dict[Index, dict[str, Array]] = field(init=False, repr=False, default_factory=dict)
 
     def __len__(self) -> int:
         """Return the number of flow vectors."""
@@ -65,11 +67,21 @@ class Epipolar:
 
     def coordinates(self, T: Array, index: Index) -> Array:
         """Coordinates x (N,) along the normals of the epipolar lines."""
-        return index.along(self.measurements, self.linearise_with_normal(T)[1])
+        return index.along(self.measurements, self.linearise_with_normal(T)[1], self._held(index))
+
+    def eigen_coordinates(self, index: Index) -> Array:
+        """Coordinates x (N, 2) of the eigen-components."""
+        return index.of(self.measurements)
 
     def equations(self, T: Array, chosen: Chosen, widened: float = 1.0) -> Equations:
         """Normal equations of the chosen components."""
         return equations_of(*self.linearise(T), chosen, widened)
+
+    def total_score(self, T: Array, chosen: Chosen, bounds: Array) -> Array:
+        """Gradient of the log-density of the chosen components within their bounds."""
+        z, J = self.linearise(T)
+        within = chosen._replace(used=chosen.used & (np.abs(z) <= bounds))
+        return equations_of(z, J, within, 1.0).b
 
     def directions(self, T: Array) -> Array:
         """Normals (N, 2) of the epipolar lines."""
@@ -102,8 +114,15 @@ class Epipolar:
         p = np.linspace(-1, 1, ANGLES)
         normals = np.stack([1 - np.abs(p), p], axis=-1)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        along = [index.along(self.measurements, np.tile(n, (len(self), 1))) for n in normals]
+        held = self._held(index)
+        along = [index.along(self.measurements, np.tile(n, (len(self), 1)), held) for n in normals]
         return np.where(self.kept_components(kept)[:, None], bound(np.stack(along, axis=-1)), -1.0)
+
+    def _held(self, index: Index) -> dict[str, Array]:
+        """What of an index does not depend on the direction, worked out once."""
+        if index not in self._isotropic:
+            self._isotropic[index] = index.isotropic(self.measurements)
+        return self._isotropic[index]
 
     def score(self, hypotheses: Array, bounds: Array, by_vector: bool) -> NDArray[np.int64]:
         """Inlier components of each essential matrix; a vector has one."""

@@ -9,26 +9,23 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.camera import Array
-from flowlik.egomotion import _kernels
-from flowlik.egomotion.covariance import sandwich, score_covariance, temperature
-from flowlik.egomotion.posterior import LOST_NAT, GaussianPrior, Tempered
-from flowlik.egomotion.residual import Chosen, Residual
-from flowlik.egomotion.result import EgoMotion, Status, unsolved
+from flowlik.egomotion._kernels import retract
+from flowlik.egomotion.covariance import observed_sensitivity, sandwich, score_covariance, temperature
+from flowlik.egomotion.maximise import maximise, transform
+from flowlik.egomotion.posterior import GaussianPrior, Tempered
+from flowlik.egomotion.residual import Chosen, Residual, draw_samples
+from flowlik.egomotion.result import EgoMotion, Status, conditioned, unsolved
 from flowlik.errors import DataError
 from flowlik.likelihood import FlowLikelihood
 
+FIRST_BATCH = 12
 BATCH = 50
 REFINEMENTS = 5
-STEPS = 30
 LOCAL_STEPS = 3
 ANNEALING = (8.0, 4.0, 2.0)
 INFORMATIVE_PX = 1.0
-LEAST_RECIPROCAL_CONDITION = 1e-9
-# a step that gains less is a tenth of a standard deviation at most
-CONVERGED_NAT = 1e-3
-HALVINGS = 3
-WORTH_HALVING_NAT = 0.2
 NO_PARALLAX_SHARE = 0.95
+ENOUGH_TELLING = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,13 +114,17 @@ class Estimator:
         used = residual.kept_components(kept)
         T, log_prob = self._refine(residual, found, used)
         A, B = self._variability(residual, T, used)
+        S = self._sensitivity(residual, T, used, A, B)
         if prior is not None:
-            belief = Tempered(prior, temperature(A, B))
-            T, log_prob = self._maximise(residual, T, self._entering(residual, T, used), prior=belief)
+            belief = Tempered(prior, temperature(S, B))
+            T, log_prob = maximise(
+                residual, self.likelihood, T, self._entering(residual, T, used), prior=belief
+            )
+            S, _ = belief.posterior(S, B)
             A, B = belief.posterior(A, B)
         inliers = self._inliers(residual, T, used)
         x = residual.coordinates(T, self.likelihood.schedule.index)
-        status, reason = _conditioned(residual.basis(T), A)
+        status, reason = conditioned(residual.basis(T), A)
         determined = status is Status.SOLVED
         explained = residual.rotation_share(T, self._bound, self.likelihood.schedule.index)
         if explained > NO_PARALLAX_SHARE * inliers.sum() / used.sum():
@@ -134,9 +135,9 @@ class Estimator:
         elif status is Status.SOLVED and ambiguous:
             status, reason = Status.AMBIGUOUS, "two motions have nearly as many points in front of the camera"
         return EgoMotion(
-            T_k_prev=_transform(residual.normalise(T)),
+            T_k_prev=transform(residual.normalise(T)),
             information=A,
-            covariance=sandwich(A, B, residual.basis(T)) if determined else np.full((6, 6), np.nan),
+            covariance=sandwich(S, B, residual.basis(T)) if determined else np.full((6, 6), np.nan),
             status=status,
             reason=reason,
             scale_known=residual.metric,
@@ -195,6 +196,22 @@ class Estimator:
         directions = residual.directions(T)
         return A, score_covariance(residual.measurements, directions, J, fisher, self.likelihood.correlation)
 
+    def _sensitivity(
+        self, residual: Residual, T: Array, used: NDArray[np.bool_], A: Array, B: Array
+    ) -> Array:
+        """Observed sensitivity (6, 6); A where correlations or a direction are unknown."""
+        basis = residual.basis(T)
+        if self.likelihood.correlation is None or conditioned(basis, A)[0] is not Status.SOLVED:
+            return A
+        x, tables = residual.coordinates(T, self.likelihood.schedule.index), self.likelihood.compiled
+        held = Chosen(used, tables.rows(x), self.likelihood.fisher(x), tables)
+        bounds = np.full(len(x), np.inf) if self.refine_all else self._bound(x)
+
+        def gradient(step: Array) -> Array:
+            return residual.total_score(residual.normalise(retract(T, step)), held, bounds)
+
+        return observed_sensitivity(gradient, A, sandwich(A, B, basis), basis)
+
     def _count(self, residual: Residual, inliers: NDArray[np.bool_]) -> int:
         """Number of inliers in the estimator's own unit."""
         if self.radius_px is None:
@@ -216,29 +233,41 @@ class Estimator:
         index = self.likelihood.schedule.index
         used = residual.kept_components(kept)
         bounds = residual.bounds(self._bound, index, kept)
+        # a vector that lies within several pixels of any motion is no witness of one
+        most_px = residual.counted_px if self.radius_px is None else np.inf
+        telling = ((bounds >= 0) & (bounds <= most_px)).reshape(len(used), -1)
+        if telling.any(axis=1).sum() < ENOUGH_TELLING * residual.minimal:
+            most_px = np.inf
+        bounds = np.where(bounds <= most_px, bounds, -1.0)
         weights = self._sampling_weights(residual, kept)
         vectors = self.radius_px is not None
-        units = self._count(residual, used)
-        exponent = residual.minimal * (1 if vectors else residual.components_per_vector)
 
         def inliers_of(T: Array) -> NDArray[np.bool_]:
-            return self._inliers(residual, T, used)
+            inliers = self._inliers(residual, T, used)
+            if most_px < np.inf:
+                inliers &= self._bound(residual.coordinates(T, index)) <= most_px
+            return inliers
 
-        def draws(score: int) -> int:
-            good = min((score / units) ** exponent, 1 - 1e-12)
-            if good <= 0:
+        def draws(inliers: NDArray[np.bool_]) -> int:
+            """Samples until one of inliers alone has been drawn, as probable as asked."""
+            shape = len(residual), -1
+            good = (inliers | ~used).reshape(shape).all(axis=1) & inliers.reshape(shape).any(axis=1)
+            share = float(weights[good].sum() / weights.sum()) ** residual.minimal
+            if share <= 0:
                 return self.most_hypotheses
-            return min(self.most_hypotheses, int(np.log(1 - self.success) / np.log1p(-good)) + 1)
+            needed = np.log(1 - self.success) / np.log1p(-min(share, 1 - 1e-12))
+            return min(self.most_hypotheses, int(needed) + 1)
 
         best, ambiguous, best_score, drawn, needed = None, False, 0, 0, self.most_hypotheses
         begin = np.eye(4)[:3] if start is None else start.as_matrix()[:3]
         if start is not None:
             tracked = self._anneal(residual, residual.normalise(begin), used)
             best, ambiguous = residual.motion(residual.hypothesis(tracked), inliers_of)
-            best_score = self._count(residual, inliers_of(best))
-            needed = draws(best_score)
+            inliers = inliers_of(best)
+            best_score, needed = self._count(residual, inliers), draws(inliers)
         while drawn < needed:
-            samples = _draw(weights, min(BATCH, needed - drawn), residual.minimal, rng)
+            batch = BATCH if drawn else FIRST_BATCH
+            samples = draw_samples(weights, min(batch, needed - drawn), residual.minimal, rng)
             drawn += len(samples)
             hypotheses = residual.propose(samples, begin)
             if not len(hypotheses):
@@ -248,23 +277,24 @@ class Estimator:
                 hypothesis, best_score = hypotheses[scores.argmax()], int(scores.max())
                 best, ambiguous = residual.motion(hypothesis, inliers_of)
                 # local optimisation: a minimal sample carries its own noise
-                better, _ = self._maximise(residual, best, inliers_of(best), LOCAL_STEPS)
-                score = self._count(residual, inliers_of(better))
-                if score >= best_score:
-                    best, best_score = better, score
-                needed = draws(best_score)
+                inliers = inliers_of(best)
+                better, _ = maximise(residual, self.likelihood, best, inliers, LOCAL_STEPS)
+                chosen = inliers_of(better)
+                if (score := self._count(residual, chosen)) >= best_score:
+                    best, best_score, inliers = better, score, chosen
+                needed = draws(inliers)
         return best, ambiguous, drawn
 
     def _anneal(self, residual: Residual, T: Array, used: NDArray[np.bool_]) -> Array:
         """Follow the likelihood from a guess, its errors first taken to be several times as wide."""
         for widened in ANNEALING:
             chosen = self._inliers(residual, T, used, widened)
-            T, _ = self._maximise(residual, T, chosen, LOCAL_STEPS, widened)
-        return self._maximise(residual, T, self._inliers(residual, T, used), LOCAL_STEPS)[0]
+            T, _ = maximise(residual, self.likelihood, T, chosen, LOCAL_STEPS, widened)
+        return maximise(residual, self.likelihood, T, self._inliers(residual, T, used), LOCAL_STEPS)[0]
 
     def _sampling_weights(self, residual: Residual, kept: NDArray[np.bool_]) -> Array:
         """Draw a vector in proportion to the root of its weaker component's information; gated ones last."""
-        x = self.likelihood.schedule.index.of(residual.measurements)
+        x = residual.eigen_coordinates(self.likelihood.schedule.index)
         reliability = np.sqrt(np.where(kept, self.likelihood.fisher(x), 0.0).min(axis=1))
         return reliability + 1e-6 * reliability.max() + 1e-300
 
@@ -273,93 +303,7 @@ class Estimator:
         log_prob = -np.inf
         for _ in range(REFINEMENTS):
             before = T
-            T, log_prob = self._maximise(residual, T, self._inliers(residual, T, used))
+            T, log_prob = maximise(residual, self.likelihood, T, self._inliers(residual, T, used))
             if T is before:
                 break
-        return self._maximise(residual, T, used) if self.refine_all else (T, log_prob)
-
-    def _maximise(
-        self,
-        residual: Residual,
-        T: Array,
-        chosen: NDArray[np.bool_],
-        steps: int = STEPS,
-        widened: float = 1.0,
-        prior: Tempered | None = None,
-    ) -> tuple[Array, float]:
-        """Fisher scoring over chosen components; their coordinates x are held meanwhile.
-
-        Errors are taken to be `widened` times as wide as the likelihood says.
-        """
-        x, tables = residual.coordinates(T, self.likelihood.schedule.index), self.likelihood.compiled
-        held = Chosen(chosen, tables.rows(x), self.likelihood.fisher(x), tables)
-
-        def equations(T: Array) -> tuple[Array, Array, float]:
-            H, b, log_prob, lost = residual.equations(T, held, widened)
-            log_prob -= LOST_NAT * lost
-            return (H, b, log_prob) if prior is None else prior.add(_transform(T), H, b, log_prob)
-
-        H, b, log_prob = equations(T)
-        for _ in range(steps):
-            B = residual.basis(T)
-            step = B @ _solve(B.T @ H @ B, B.T @ b)
-            if b @ step < CONVERGED_NAT:
-                break
-            # where little is left to gain, the cusp's rounding decides and a shorter step gains no more
-            for _ in range(HALVINGS if b @ step > WORTH_HALVING_NAT else 1):
-                candidate = residual.normalise(_kernels.retract(T, step))
-                H_new, b_new, log_prob_new = equations(candidate)
-                if log_prob_new > log_prob:
-                    break
-                step = 0.5 * step
-            else:
-                break
-            T, H, b, log_prob = candidate, H_new, b_new, log_prob_new
-        return T, float(log_prob)
-
-
-def ransac(radius_px: float = 0.5, gate: float | None = None) -> Estimator:
-    """RANSAC with a Gaussian: vectors within a radius, least squares on the inliers."""
-    return Estimator("ransac", FlowLikelihood.constant_gaussian(radius_px), radius_px=radius_px, gate=gate)
-
-
-def lcmsac(likelihood: FlowLikelihood, confidence: float = 0.90, gate: float | None = None) -> Estimator:
-    """Sampling consensus by component within the likelihood's own region (paper, Sec. II-G)."""
-    return Estimator("lcmsac", likelihood, confidence=confidence, gate=gate)
-
-
-def mle(likelihood: FlowLikelihood, confidence: float = 0.90, gate: float | None = None) -> Estimator:
-    """Maximum likelihood over all components, started from sampling consensus."""
-    return Estimator("mle", likelihood, confidence=confidence, gate=gate, refine_all=True)
-
-
-def _draw(weights: Array, count: int, size: int, rng: np.random.Generator) -> NDArray[np.intp]:
-    """Samples (K, size) of distinct vectors, K <= count: those that repeat a vector are dropped."""
-    cumulated = np.cumsum(weights)
-    drawn = np.searchsorted(cumulated, rng.random((count, size)) * cumulated[-1], side="right")
-    drawn = np.sort(np.minimum(drawn, len(weights) - 1), axis=1)
-    distinct = drawn[(np.diff(drawn, axis=1) > 0).all(axis=1)]
-    # a handful of vectors rarely gives a distinct draw
-    return distinct if len(distinct) else rng.permutation(len(weights))[None, :size]
-
-
-def _solve(A: Array, b: Array) -> Array:
-    """Solution of a positive definite system, or the shortest one where it is singular."""
-    try:
-        return np.asarray(np.linalg.solve(A, b), dtype=np.float64)
-    except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.lstsq(A, b, rcond=1e-14)[0], dtype=np.float64)
-
-
-def _conditioned(basis: Array, information: Array) -> tuple[Status, str]:
-    A = basis.T @ information @ basis
-    scale = np.sqrt(np.diag(A))
-    if (scale > 0).all():
-        eigenvalues = np.linalg.eigvalsh(A / np.outer(scale, scale))
-        if eigenvalues[0] > LEAST_RECIPROCAL_CONDITION * eigenvalues[-1]:
-            return Status.SOLVED, ""
-    return Status.DEGENERATE, "the measurements do not determine every direction of the motion"
-
-
-def _transform(T: Array) -> RigidTransform:
-    return RigidTransform.from_matrix(np.vstack([T, [0, 0, 0, 1]]))
+        return maximise(residual, self.likelihood, T, used) if self.refine_all else (T, log_prob)

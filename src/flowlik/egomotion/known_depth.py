@@ -24,6 +24,7 @@ class KnownDepth:
     minimal: ClassVar[int] = 3
     components_per_vector: ClassVar[int] = 2
     metric: ClassVar[bool] = True
+    counted_px: ClassVar[float] = np.inf
     measurements: Measurements
     camera: Pinhole
     rho: Array
@@ -39,18 +40,18 @@ class KnownDepth:
         Raises
         ------
         DataError
-            If the depth map's size is not the camera's, or measurements lie outside it.
+            If the depth map's size is not the camera's, or measurements lie outside the camera's image.
         """
+        size = f"{camera.width}x{camera.height}"
+        column, row = np.rint(measurements.pixels).T
+        inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
+        if not inside.all():
+            raise DataError(
+                f"{int((~inside).sum())} measurements lie outside the image of {size}: another camera's?"
+            )
         if depth_z.ndim == 2:
             if depth_z.shape != (camera.height, camera.width):
-                size = f"{camera.width}x{camera.height}"
                 raise DataError(f"depth map of {depth_z.shape[1]}x{depth_z.shape[0]} for a camera of {size}")
-            column, row = np.rint(measurements.pixels).astype(int).T
-            inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
-            if not inside.all():
-                raise DataError(
-                    f"{int((~inside).sum())} measurements lie outside the depth map: another camera's?"
-                )
             inverse_z = sample_inverse_depth(depth_z, measurements.pixels)
         elif depth_z.shape != (len(measurements),):
             raise DataError(f"{len(measurements)} measurements, but depths of shape {depth_z.shape}")
@@ -87,6 +88,10 @@ class KnownDepth:
             self._coordinates[index] = index.of(self.measurements).ravel()
         return self._coordinates[index]
 
+    def eigen_coordinates(self, index: Index) -> Array:
+        """Coordinates x (N, 2) of the eigen-components."""
+        return self.coordinates(np.eye(4)[:3], index).reshape(-1, 2)
+
     def equations(self, T: Array, chosen: Chosen, widened: float = 1.0) -> Equations:
         """Normal equations of the chosen components."""
         tables = chosen.tables
@@ -96,6 +101,13 @@ class KnownDepth:
                 tables.log_prob, tables.weight, widened,
             )
         )  # fmt: skip
+
+    def total_score(self, T: Array, chosen: Chosen, bounds: Array) -> Array:
+        """Gradient of the log-density of the chosen components within their bounds."""
+        b: Array = _kernels.total_score_depth(
+            T, *self._points, self._camera, chosen.rows, chosen.used, bounds, chosen.tables.weight
+        )
+        return b
 
     def directions(self, T: Array) -> Array:
         """Eigenvectors (2N, 2), the same at every motion."""
@@ -117,7 +129,7 @@ class KnownDepth:
 
     def bounds(self, bound: Bound, index: Index, kept: NDArray[np.bool_]) -> Array:
         """Bounds (N, 2) [px], -1 where left out."""
-        return np.where(kept, bound(self.coordinates(np.eye(4)[:3], index).reshape(-1, 2)), -1.0)
+        return np.where(kept, bound(self.eigen_coordinates(index)), -1.0)
 
     def score(self, hypotheses: Array, bounds: Array, by_vector: bool) -> NDArray[np.int64]:
         """Inlier components, or vectors, of each motion."""

@@ -52,6 +52,8 @@ class Residual(Protocol):
     minimal: ClassVar[int]
     components_per_vector: ClassVar[int]
     metric: ClassVar[bool]
+    counted_px: ClassVar[float]
+    """Widest bound of a component that counts in a consensus."""
 
     @property
     def measurements(self) -> Measurements:
@@ -75,8 +77,16 @@ class Residual(Protocol):
         """Schedule coordinates x (C,) of the errors at a motion."""
         ...
 
+    def eigen_coordinates(self, index: Index) -> Array:
+        """Schedule coordinates x (N, 2) of the vectors' eigen-components."""
+        ...
+
     def equations(self, T: Array, chosen: Chosen, widened: float = 1.0) -> Equations:
         """Normal equations of the chosen components, errors taken to be `widened` times as wide."""
+        ...
+
+    def total_score(self, T: Array, chosen: Chosen, bounds: Array) -> Array:
+        """Gradient (6,) of the log-density of the chosen components within their bounds (C,) [px]."""
         ...
 
     def directions(self, T: Array) -> Array:
@@ -140,3 +150,13 @@ def count_inliers(kernel: Callable[..., None], inputs: tuple[Any, ...], hypothes
     counts = np.zeros(hypotheses, np.int64)
     in_bands(lambda first, last: kernel(*inputs, first, last, counts), hypotheses, SCORED_TOGETHER)
     return counts
+
+
+def draw_samples(weights: Array, count: int, size: int, rng: np.random.Generator) -> NDArray[np.intp]:
+    """Samples (K, size) of distinct vectors, K <= count: those that repeat a vector are dropped."""
+    cumulated = np.cumsum(weights)
+    drawn = np.searchsorted(cumulated, rng.random((count, size)) * cumulated[-1], side="right")
+    drawn = np.sort(np.minimum(drawn, len(weights) - 1), axis=1)
+    distinct = drawn[(np.diff(drawn, axis=1) > 0).all(axis=1)]
+    # a handful of vectors rarely gives a distinct draw
+    return distinct if len(distinct) else rng.permutation(len(weights))[None, :size]

@@ -1,8 +1,16 @@
 """Intrinsics refined from images alone, a frame at a time, by the likelihood that finds the motion.
 
 Every frame's epipolar errors say something about the intrinsics besides the motion. What is left after
-the motion's five parameters are eliminated (Schur complement) goes into an information filter over principal
-point and distortion; the next frame uses the new intrinsics, so that the filter is causal.
+the motion's five parameters are eliminated (Schur complement) goes into a Kalman filter over principal point
+and distortion; the next frame uses the new intrinsics, so that the filter is causal.
+
+A frame's information H and gradient b are worth less than they claim. The whitened gradient ``H^-1/2 b`` of
+a true camera has a variance above 1, since errors of neighbouring vectors are not independent, and a part
+that stays over many frames: flow's own systematic errors, which on a straight road look like another camera.
+Both are in the filter as measured on simulated drives: noise of variance `noise`, and one more state a
+parameter, a first-order Gauss-Markov process of variance `persistent` that forgets within `memory` frames.
+Where images are worse than simulated ones, the filter's own innovations tell by how much: both variances are
+multiplied by the mean of their squares so far.
 """
 
 from __future__ import annotations
@@ -15,9 +23,12 @@ from flowlik.camera import Array, Distortion, Pinhole
 from flowlik.egomotion.epipolar import Epipolar
 from flowlik.likelihood import FlowLikelihood
 from flowlik.measurements import Measurements
+from flowlik.tables import look_up
 
-STEPS = {"f": 0.1, "cx": 0.1, "cy": 0.1, "k1": 1e-4, "k2": 1e-4}
+STEPS = {"f": 0.01, "cx": 0.01, "cy": 0.01, "k1": 1e-5, "k2": 1e-5}
 """Parameters an intrinsics filter may have, and the steps [px, 1] of their finite differences."""
+
+NOTHING_TOLD = 1e-9
 
 
 @dataclass(frozen=True)
@@ -28,21 +39,34 @@ class SelfCalibration:
     ----------
     sigma : tuple of (str, float)
         Parameters (`f`, `cx`, `cy` [px], `k1`, `k2`) and their prior standard deviations.
-    temper : float
-        Share of a frame's information that is believed: errors of neighbouring vectors, and of the same
-        ones in the next frame, are not independent, and the likelihood does not fit exactly.
+    noise : float
+        Variance of a frame's whitened gradient that is new in every frame; 1 were errors independent.
+    persistent : float
+        Variance of the part that stays.
+    memory : float
+        Frames within which it is forgotten.
+    trusted : float
+        Frames that the belief in these two variances counts as, against the innovations seen.
     drift : float
         Share of the prior variance that a parameter may change by in a frame.
     """
 
     sigma: tuple[tuple[str, float], ...] = (("cx", 4.0), ("k1", 0.02), ("k2", 0.01))
-    temper: float = 0.3
+    noise: float = 2.0
+    persistent: float = 0.3
+    memory: float = 30.0
+    trusted: float = 10.0
     drift: float = 1e-6
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the parameters."""
         return tuple(name for name, _ in self.sigma)
+
+    @property
+    def prior_variances(self) -> Array:
+        """Prior variances (P,) of the parameters."""
+        return np.array([sigma**2 for _, sigma in self.sigma])
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,19 +79,22 @@ class Intrinsics:
         Camera as it was given.
     settings : SelfCalibration
         What may change.
-    values : array (P,)
-        Parameters: changes of focal length and principal point [px], distortion coefficients.
-    covariance : array (P, P)
-        Of these.
+    state : array (2 P,)
+        Parameters, then the persistent part of whitened gradients.
+    joint : array (2 P, 2 P)
+        Covariance of the state.
     frames : int
         Frames they come from.
+    squares : float
+        Sum of the squared innovations of these, each in units of what was expected of it.
     """
 
     nominal: Pinhole
     settings: SelfCalibration
-    values: Array
-    covariance: Array
+    state: Array
+    joint: Array
     frames: int = 0
+    squares: float = 0.0
 
     @classmethod
     def prior(
@@ -77,7 +104,26 @@ class Intrinsics:
         settings, distortion = settings or SelfCalibration(), distortion or Distortion()
         begin = {"k1": distortion.k1, "k2": distortion.k2}
         values = np.array([begin.get(name, 0.0) for name in settings.names])
-        return cls(camera, settings, values, np.diag([sigma**2 for _, sigma in settings.sigma]))
+        variances = settings.prior_variances, np.full(len(values), settings.persistent)
+        return cls(camera, settings, np.concatenate([values, 0 * values]), np.diag(np.concatenate(variances)))
+
+    @property
+    def values(self) -> Array:
+        """Parameters (P,): changes of focal length and principal point [px], distortion coefficients."""
+        return self.state[: len(self.settings.sigma)]
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (P, P) of the parameters."""
+        count = len(self.settings.sigma)
+        return self.joint[:count, :count]
+
+    @property
+    def misfit(self) -> float:
+        """How many times as large as in simulation the variances of gradients are, at least 1."""
+        if not np.isfinite(trusted := self.settings.trusted):
+            return 1.0
+        return max((trusted + self.squares) / (trusted + self.frames), 1.0)
 
     @property
     def camera(self) -> Pinhole:
@@ -110,35 +156,61 @@ class Intrinsics:
         likelihood : FlowLikelihood
             Of the flow.
         """
+        return self._after(*self.information(m, T, likelihood))
+
+    def information(self, m: Measurements, T: Array, likelihood: FlowLikelihood) -> tuple[Array, Array]:
+        """Information H (P, P) of a frame about the parameters and gradient b (P,), the motion eliminated.
+
+        Parameters are as in `updated`.
+        """
         residual = Epipolar.of(self.rectified(m), self.camera)
         _, normal, J = residual.linearise_with_normal(T)
-        z = self._errors(m, T, self.values)
-        x = likelihood.schedule.index.along(residual.measurements, normal)
-        slopes = []
-        for i, name in enumerate(self.settings.names):
-            step = STEPS[name] * np.eye(len(self.values))[i]
-            ahead, behind = (self._errors(m, T, self.values + s) for s in (step, -step))
-            slopes.append((ahead - behind) / (2 * STEPS[name]))
-        G = np.stack(slopes, axis=-1)
+        z, G = self.linearise(m, T)
         J = J @ residual.basis(T)
         usable = np.isfinite(z) & np.isfinite(G).all(axis=1)
-        z, J, G, x = z[usable], J[usable], G[usable], x[usable]
-        weight = likelihood.weight(z, x)
-        wz = weight * z
+        x = likelihood.schedule.index.along(residual.measurements, normal)[usable]
+        z, J, G = z[usable], J[usable], G[usable]
+        weight = look_up(likelihood.compiled.weight, likelihood.compiled.rows(x), z)
         # wrong intrinsics make errors that no component expects: these weigh as little as their slope says
         believed = np.minimum(weight, likelihood.fisher(x))[:, None]
-        by_motion = np.linalg.solve(J.T @ (believed * J), np.column_stack([J.T @ (believed * G), -J.T @ wz]))
-        H = G.T @ (believed * G) - (G.T @ (believed * J)) @ by_motion[:, :-1]
-        b = -G.T @ wz - (G.T @ (believed * J)) @ by_motion[:, -1]
-        return self._after(H, b)
+        # slopes along directions that no motion explains, so that the gradient needs no exact maximum
+        G = G - J @ np.linalg.solve(J.T @ (believed * J), J.T @ (believed * G))
+        return G.T @ (believed * G), -G.T @ (weight * z)
+
+    def linearise(self, m: Measurements, T: Array) -> tuple[Array, Array]:
+        """Epipolar errors (N,) [px] at the present values, and their Jacobian (N, P) by the parameters."""
+        z, slopes = self._errors(m, T, self.values), []
+        for i, name in enumerate(self.settings.names):
+            step = STEPS[name] * np.eye(len(self.values))[i]
+            slopes.append((self._errors(m, T, self.values + step) - z) / STEPS[name])
+        return z, np.stack(slopes, axis=-1)
 
     def _after(self, H: Array, b: Array) -> Intrinsics:
         """Intrinsics after a frame's information H (P, P) and gradient b (P,)."""
-        prior = np.array([sigma**2 for _, sigma in self.settings.sigma])
-        loosened = self.covariance + np.diag(self.settings.drift * prior)
-        covariance = np.asarray(np.linalg.inv(np.linalg.inv(loosened) + self.settings.temper * H), float)
-        values = self.values + covariance @ (self.settings.temper * b)
-        return replace(self, values=values, covariance=covariance, frames=self.frames + 1)
+        settings, count = self.settings, len(b)
+        prior, kept = settings.prior_variances, np.exp(-1 / settings.memory)
+        fades = np.concatenate([np.ones(count), np.full(count, kept)])
+        renewed = np.full(count, (1 - kept**2) * settings.persistent * self.misfit)
+        state = fades * self.state
+        joint = fades[:, None] * self.joint * fades + np.diag(
+            np.concatenate([settings.drift * prior, renewed])
+        )
+        # whitened in units of the prior, where the square root treats all parameters alike
+        unit = np.sqrt(prior)
+        values, vectors = np.linalg.eigh(unit[:, None] * H * unit)
+        told = values > NOTHING_TOLD * max(1.0, values[-1])
+        roots = np.sqrt(values[told])
+        W = roots[:, None] * vectors[:, told].T
+        u = (vectors[:, told].T @ (unit * b)) / roots
+        # u = W (true - present values) + persistent + new noise, in the eigenbasis of the information
+        M = np.hstack([W / unit, vectors[:, told].T])
+        innovation = u - vectors[:, told].T @ state[count:]
+        known, new = M @ joint @ M.T, settings.noise * np.eye(len(u))
+        square = innovation @ np.linalg.solve(known + new, innovation) / max(len(u), 1)
+        seen = replace(self, frames=self.frames + 1, squares=self.squares + (square if len(u) else 1.0))
+        gain = joint @ M.T @ np.linalg.inv(known + seen.misfit * new)
+        joint = joint - gain @ M @ joint
+        return replace(seen, state=state + gain @ innovation, joint=0.5 * (joint + joint.T))
 
     def _errors(self, m: Measurements, T: Array, values: Array) -> Array:
         """Epipolar errors (N,) in pixels of the images; ideal ones would reward shrinking them."""

@@ -176,8 +176,19 @@ def opencv_essential(
     return RigidTransform.from_components(t.ravel(), Rotation.from_matrix(R))
 
 
-def poselib_relative(residual: Epipolar, radius_px: float = 0.5) -> RigidTransform | None:
-    """Motion with a unit translation by PoseLib's estimate_relative_pose with its default options.
+def poselib_relative(
+    residual: Epipolar, radius_px: float = 0.5, cauchy_px: float | None = None
+) -> RigidTransform | None:
+    """Motion with a unit translation by PoseLib's estimate_relative_pose.
+
+    Parameters
+    ----------
+    residual : Epipolar
+        Matches.
+    radius_px : float
+        Epipolar distance of inliers [px].
+    cauchy_px : float, optional
+        Scale of a Cauchy loss in the refinement [px], instead of the default options.
 
     Raises
     ------
@@ -186,8 +197,9 @@ def poselib_relative(residual: Epipolar, radius_px: float = 0.5) -> RigidTransfo
     """
     poselib = _import_poselib()
     m, camera = residual.measurements, _poselib_camera(residual.camera)
+    refinement = {} if cauchy_px is None else {"loss_type": "CAUCHY", "loss_scale": cauchy_px}
     pose, _ = poselib.estimate_relative_pose(
-        m.pixels, m.pixels + m.flow, camera, camera, {"max_epipolar_error": radius_px}, {}
+        m.pixels, m.pixels + m.flow, camera, camera, {"max_epipolar_error": radius_px}, refinement
     )
     t: Array = np.asarray(pose.t, dtype=np.float64)
     if not np.linalg.norm(t) > 0:

@@ -8,11 +8,13 @@ of both components maximised over each point's own positive depth. Neither is fa
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from flowlik.camera import Array
 from flowlik.egomotion import Epipolar, _kernels
 from flowlik.likelihood import FlowLikelihood
+from flowlik.tables import look_up
 
 STEPS = 12
 EVALUATIONS = 150
@@ -45,7 +47,7 @@ def log_convolution(likelihood: FlowLikelihood, z: Array, x: Array, c: Array) ->
     for i, j in ((0, 1), (1, 0)):
         others = (z[:, None] - safe[:, i, None] * nodes) / safe[:, j, None]
         mine, far = (safe[:, i, None] * nodes) ** 2, (safe[:, j, None] * others) ** 2
-        p = np.exp(likelihood.log_prob(nodes, x[:, i, None]) + likelihood.log_prob(others, x[:, j, None]))
+        p = np.exp(_log_prob(likelihood, nodes, x[:, i, None]) + _log_prob(likelihood, others, x[:, j, None]))
         density += (p * far / (mine + far) * weights).sum(axis=1) / safe[:, j]
     log_density = np.log(np.maximum(density, 1e-300))
     for i in (0, 1):
@@ -80,11 +82,11 @@ def profile_depths(residual: Epipolar, likelihood: FlowLikelihood, T: Array, x: 
         rho = scale / depth
         for _ in range(6):
             z, slope = _along_line(residual, T, rho)
-            weight = likelihood.weight(z, x)
+            weight = _table(likelihood.compiled.weight, likelihood, z, x)
             step = -(weight * slope * z).sum(axis=1) / np.maximum((weight * slope**2).sum(axis=1), 1e-12)
             rho = np.clip(rho + step, 0.0, scale)
         z, slope = _along_line(residual, T, rho)
-        log_prob = np.where(np.isfinite(z).all(axis=1), likelihood.log_prob(z, x).sum(axis=1), -np.inf)
+        log_prob = np.where(np.isfinite(z).all(axis=1), _log_prob(likelihood, z, x).sum(axis=1), -np.inf)
         better = log_prob > best
         best, best_rho = np.where(better, log_prob, best), np.where(better, rho, best_rho)
         best_z = np.where(better[:, None], z, best_z)
@@ -110,7 +112,7 @@ def refine_profile(residual: Epipolar, likelihood: FlowLikelihood, T: Array) -> 
 
     def cost(u: Array) -> float:
         _, z = profile_depths(residual, likelihood, moved(u), x)
-        return -float(likelihood.log_prob(z, x).sum())
+        return -float(_log_prob(likelihood, z, x).sum())
 
     simplex = np.vstack([np.zeros(5), np.eye(5)])
     options = {"initial_simplex": simplex, "maxfev": EVALUATIONS, "xatol": 0.05, "fatol": 0.05}
@@ -125,6 +127,17 @@ def _along_line(residual: Epipolar, T: Array, rho: Array) -> tuple[Array, Array]
     z = m.errors(camera.v2p(moved) - m.pixels)
     slope = -np.einsum("nij,ni->nj", m.R_i_e, camera.v2p_jacobian(moved) @ T[:, 3])
     return z, slope
+
+
+def _log_prob(likelihood: FlowLikelihood, z: Array, x: Array) -> Array:
+    return _table(likelihood.compiled.log_prob, likelihood, z, x)
+
+
+def _table(table: NDArray[np.float32], likelihood: FlowLikelihood, z: Array, x: Array) -> Array:
+    """Values of a compiled table at errors z and coordinates x of any shapes."""
+    z, x = np.broadcast_arrays(z, x)
+    values = look_up(table, likelihood.compiled.rows(x).ravel(), np.ascontiguousarray(z).ravel())
+    return np.asarray(values).reshape(z.shape)
 
 
 def _step(residual: Epipolar, T: Array, H: Array, b: Array) -> Array:

@@ -7,6 +7,7 @@ share, as that of wrong intrinsics, does not show here.
 from __future__ import annotations
 
 from collections.abc import Sequence as Seq
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,9 @@ from scipy.spatial.transform import RigidTransform
 from scipy.stats import chi2
 
 from flowlik.camera import Array
-from flowlik.egomotion import EgoMotion
+from flowlik.egomotion import EgoMotion, Epipolar
+from flowlik.egomotion.covariance import score_covariance
+from flowlik.likelihood import FlowLikelihood
 
 TILE_PX = 64
 LEAST_STEP_M = 0.3
@@ -44,27 +47,85 @@ def rotation_noise_mdeg(first: RigidTransform, second: RigidTransform) -> float:
     return float(1000 * np.median(np.abs(omega)) / (2 * NORMAL_MEDIAN))
 
 
-def half_distances(first: Seq[EgoMotion], second: Seq[EgoMotion]) -> Array:
+def direction_errors_mrad(motions: RigidTransform, truth: RigidTransform) -> Array:
+    """Angles (K,) [mrad] between the directions of motions T_k_prev and of true ones; 180 deg if still."""
+    cosines = np.nan_to_num((_direction(motions) * _direction(truth)).sum(axis=1), nan=-1.0)
+    return np.asarray(1000 * np.arccos(np.clip(cosines, -1.0, 1.0)))
+
+
+def half_distances(
+    first: Seq[EgoMotion], second: Seq[EgoMotion], covariances: Seq[Array] | None = None
+) -> Array:
     """Squared Mahalanobis distances (K,) between both halves' motions, of five degrees of freedom.
 
-    Their predicted covariance is the sum of the halves' own. Lengths of translation are unit.
+    Lengths of translation are unit. ``covariances`` are those of the differences (`difference_covariance`);
+    by default the sums of the halves' own, as if the halves shared no errors.
     """
-    squared = []
-    for a, b in zip(first, second):
-        t = a.T_k_prev.translation / np.linalg.norm(a.T_k_prev.translation)
-        # rotation, and translation in the plane orthogonal to its direction
-        plane = np.linalg.svd(t[None])[2][1:]
-        basis = np.zeros((6, 5))
-        basis[:3, :3], basis[3:, 3:] = np.eye(3), plane.T
-        change = np.concatenate(
-            [
-                (a.T_k_prev.rotation * b.T_k_prev.rotation.inv()).as_rotvec(),
-                a.T_k_prev.translation - b.T_k_prev.translation,
-            ]
+    if covariances is None:
+        covariances = [a.covariance + b.covariance for a, b in zip(first, second)]
+    pairs = zip(first, second, covariances)
+    return np.array([_distance(a.T_k_prev, b.T_k_prev, C) for a, b, C in pairs])
+
+
+def difference_covariance(
+    likelihood: FlowLikelihood, halves_: Seq[Epipolar], motions: Seq[EgoMotion]
+) -> Array:
+    """Covariance (6, 6) of the difference of two halves' motions, which share errors of the whole image.
+
+    The likelihood's correlation of scores is that of all vectors, within a half and across: a score of the
+    first half moves the difference by its own information's inverse, one of the second against it.
+    """
+    effects, fishers, directions = [], [], []
+    for residual, motion, sign in zip(halves_, motions, (1.0, -1.0)):
+        T = motion.T_k_prev.as_matrix()[:3]
+        _, normal, J = residual.linearise_with_normal(T)
+        fisher, basis = (
+            likelihood.fisher(residual.coordinates(T, likelihood.schedule.index)),
+            residual.basis(T),
         )
-        e, C = basis.T @ change, basis.T @ (a.covariance + b.covariance) @ basis
-        squared.append(float(e @ np.linalg.solve(C, e)))
-    return np.array(squared)
+        A = basis.T @ (J.T @ (fisher[:, None] * J)) @ basis
+        effects.append(sign * J @ basis @ np.linalg.inv(A) @ basis.T)
+        fishers.append(fisher)
+        directions.append(normal)
+    effect, fisher = np.concatenate(effects), np.concatenate(fishers)
+    if likelihood.correlation is None:
+        return np.asarray(effect.T @ (fisher[:, None] * effect))
+    first, second = (residual.measurements for residual in halves_)
+    together = replace(
+        first,
+        pixels=np.concatenate([first.pixels, second.pixels]),
+        flow=np.concatenate([first.flow, second.flow]),
+    )
+    return score_covariance(together, np.concatenate(directions), effect, fisher, likelihood.correlation)
+
+
+def truth_distances(found: Seq[EgoMotion], truth: Seq[RigidTransform]) -> Array:
+    """Squared Mahalanobis distances (K,) of motions from true ones, of five degrees of freedom.
+
+    Lengths of translation do not count.
+    """
+    return np.array([_distance(unit(a.T_k_prev), unit(T), unit_covariance(a)) for a, T in zip(found, truth)])
+
+
+def unit(T_k_prev: RigidTransform) -> RigidTransform:
+    """Motion with a translation of unit length."""
+    t = T_k_prev.translation
+    return RigidTransform.from_components(t / np.linalg.norm(t), T_k_prev.rotation)
+
+
+def unit_covariance(motion: EgoMotion) -> Array:
+    """Covariance (6, 6) of the motion with a translation of unit length."""
+    factor = np.repeat([1.0, float(np.linalg.norm(motion.T_k_prev.translation))], 3)
+    return np.asarray(motion.covariance / np.outer(factor, factor))
+
+
+def _distance(a: RigidTransform, b: RigidTransform, covariance: Array) -> float:
+    """Squared distance along the left tangent: rotation, and translation orthogonal to its direction."""
+    plane = np.linalg.svd(a.translation[None])[2][1:]
+    basis = np.zeros((6, 5))
+    basis[:3, :3], basis[3:, 3:] = np.eye(3), plane.T
+    e, C = basis.T @ (a * b.inv()).as_exp_coords(), basis.T @ covariance @ basis
+    return float(e @ np.linalg.solve(C, e))
 
 
 def half_coverage(distances: Array, confidence: float) -> float:
@@ -75,4 +136,5 @@ def half_coverage(distances: Array, confidence: float) -> float:
 def _direction(motions: RigidTransform) -> Array:
     """Unit directions (K, 3) from the previous camera's centre to the current one's, in its frame."""
     moves = np.atleast_2d(motions.inv().translation)
-    return np.asarray(moves / np.linalg.norm(moves, axis=1, keepdims=True))
+    lengths = np.linalg.norm(moves, axis=1, keepdims=True)
+    return np.asarray(np.divide(moves, lengths, out=np.full_like(moves, np.nan), where=lengths > 0))

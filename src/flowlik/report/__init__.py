@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from flowlik.report.figures import Data
+    from flowlik.report.style import Data
 
 __all__ = ["build", "save_figure"]
 

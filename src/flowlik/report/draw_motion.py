@@ -20,9 +20,13 @@ def _widest_axes(positions: Array) -> tuple[int, int]:
 
 
 def draw_trajectories(data: Data) -> Figure:
-    """Draw a top view of all trajectories and, where the truth is known, their position errors over time."""
+    """Draw a top view of all trajectories and, where the truth is known, their position errors over time.
+
+    Frames that could not be solved are crosses.
+    """
     positions, timestamps = data["positions"].astype(np.float64), data["timestamps"]
     unit, truth = str(data["unit"]), data.get("truth")
+    unsolved = data.get("unsolved", np.zeros(positions.shape[:2], bool))
     figure = Figure(figsize=(WIDTH, 4.8), layout="constrained")
     panels = figure.subplots(1, 2 if truth is not None else 1, squeeze=False)[0]
     a, b = _widest_axes(truth if truth is not None else positions.reshape(-1, 3))
@@ -30,9 +34,10 @@ def draw_trajectories(data: Data) -> Figure:
     if truth is not None:
         top.plot(truth[:, a], truth[:, b], color=INK, lw=3.4, alpha=0.3, label="truth")
         _draw_ends(top, truth[:, (a, b)], INK)
-    for look, path in zip(looks(data["names"]), positions):
+    for look, path, lost in zip(looks(data["names"]), positions, unsolved):
         top.plot(path[:, a], path[:, b], color=look.colour, lw=1.5, label=look.label)
         _draw_ends(top, path[:, (a, b)], look.colour)
+        top.plot(path[lost, a], path[lost, b], "x", color=look.colour, ms=5, zorder=5)
         if truth is not None:
             error = np.linalg.norm(path - truth, axis=1)
             seconds = timestamps - timestamps[0]
@@ -40,6 +45,7 @@ def draw_trajectories(data: Data) -> Figure:
             panels[1].plot(
                 seconds, error, color=look.colour, lw=1.5, label=f"{look.label}: {last:.3g} {unit} at the end"
             )
+            panels[1].plot(seconds[lost], error[lost], "x", color=look.colour, ms=5, zorder=5)
     top.set(xlabel=f"{'xyz'[a]}  [{unit}]", ylabel=f"{'xyz'[b]}  [{unit}]")
     top.set_aspect("equal", adjustable="datalim")
     top.set_title(f"path in the {'xyz'[a]}–{'xyz'[b]} plane (○ start, ■ end)", fontsize=9.5)

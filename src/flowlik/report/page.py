@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from flowlik.errors import DataError
 from flowlik.files import atomic_write, read_json, read_npz
 from flowlik.records import Record, read_records
-from flowlik.report.figures import FIGURES, caption, render
+from flowlik.report.figures import caption, render
+from flowlik.report.kinds import FIGURES
 from flowlik.report.style import Rendered
 from flowlik.report.tables import display_name, headlines, tables
 

@@ -210,11 +210,14 @@ class SimulatedSequence:
         return RigidTransform.from_translation([eye * (self.baseline_m or 0.0), 0.0, 0.0])
 
     def _image(self, k: int, eye: int) -> NDArray[np.uint8]:
-        light = self._light(k, eye)
+        light = self.light(k, eye)
         return self.sensor.expose(light, self.camera, self.seed, k, self.timestamp(k), eye)
 
-    def _light(self, k: int, eye: int) -> Light:
-        """Light (H, W) gathered while the shutter is open, in the middle of which the frame's time lies."""
+    def light(self, k: int, eye: int = LEFT) -> Light:
+        """Return the light (H, W) that `Sensor.expose` takes, without the sensor's noise.
+
+        It is gathered while the shutter is open, in the middle of which the frame's time lies.
+        """
         frame, open_s, count = self.frame(k, eye), self.sensor.exposure_s, self.sensor.subframes
         if open_s == 0 or (len(self) == 1 and frame.movers is None):
             return frame.radiance

@@ -1,0 +1,101 @@
+"""Are motions as uncertain as they say? NEES and coverage of the ellipsoids, by flow method and world."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from calibration_plan import REPORT
+from egomotion_variants import RADIUS_PX, Variants, label, residuals_of_flight, variants
+from flights import Flight
+from flowlik.egomotion import EgoMotion
+from flowlik.evaluation.consistency import consistency, consistency_records, tangent_errors
+from flowlik.progress import Progress
+from flowlik.records import Record, protocol
+from flowlik.trajectory import Trajectory
+
+HELD_OUT = {
+    "forest": [
+        *(f for f in REPORT.values() if f.world == "forest"),
+        Flight("forest", "straight", 6.0, 110, 60, 4, "nees"),
+        Flight("forest", "training", 6.0, 111, 60, 4, "nees"),
+        Flight("forest", "forest-fig8", 6.0, 112, 60, 4, "nees"),
+    ],
+    "planes": [
+        Flight("planes", "straight", 6.0, 110, 40, 4, "nees"),
+        Flight("planes", "training", 12.0, 111, 40, 4, "nees"),
+    ],
+    "driving": [
+        *(f for f in REPORT.values() if f.world == "driving"),
+        Flight("driving", "06", 0.0, 110, 20, 4, "nees"),
+    ],
+}
+"""Flights by world that no model has seen: 1 020 pairs, seen by three flow methods."""
+
+
+def consistency_part(
+    methods: tuple[str, ...], cache: Path, kitti_poses: Path | None, quick: bool, progress: Progress
+) -> list[Record]:
+    """NEES and coverage of our estimators on held-out flights; quick: the calibration report's."""
+    records = []
+    for method in methods:
+        everyone = replace(variants(method, cache), rivals={})
+        for world, flights in HELD_OUT.items():
+            flights = [f for f in flights if not quick or f.use == "rep"]
+            if world == "driving" and kitti_poses is None:
+                print("no --data: nothing measured in driving")
+                continue
+            motions: dict[str, list[EgoMotion]] = {e.name: [] for e in everyone.ours}
+            true: list[RigidTransform] = []
+            for flight in progress(iter(flights), f"{method} in {world}", len(flights)):
+                for k, (residual, T) in enumerate(residuals_of_flight(flight, method, cache, kitti_poses)):
+                    true.append(T)
+                    for estimator in everyone.ours:
+                        motions[estimator.name].append(estimator.estimate(residual, k))
+            if true:
+                records += _of_world(everyone, world, motions, true)
+    return records
+
+
+def judged(
+    everyone: Variants, dataset: str, flown: list[Mapping[str, Any]], truths: list[Trajectory]
+) -> list[Record]:
+    """NEES and coverage of flights already flown (`egomotion_table.Flown` by name), pooled."""
+    true = [T for truth in truths for T in (truth.poses[1:].inv() * truth.poses[:-1])]
+    motions = {e.name: [m for way in flown for m in way[e.name].motions] for e in everyone.ours}
+    return _of_world(everyone, dataset, motions, true)
+
+
+def _of_world(
+    everyone: Variants, dataset: str, motions: dict[str, list[EgoMotion]], true: list[RigidTransform]
+) -> list[Record]:
+    records = []
+    for estimator in everyone.ours:
+        # a constant radius knows nothing of the errors
+        if estimator.radius_px == RADIUS_PX:
+            continue
+        solved = [(m, T) for m, T in zip(motions[estimator.name], true) if m.solved]
+        left_out = len(true) - len(solved)
+        errors = tangent_errors([m.T_k_prev for m, _ in solved], [T for _, T in solved])
+        base = Record(
+            "", None, "", dataset, label(everyone.method), estimator.likelihood.family.name,
+            estimator.likelihood.schedule.name, estimator.name,
+            protocol=protocol(residual="depth", unsolved_left_out=left_out),
+        )  # fmt: skip
+        line = f"{everyone.method:<13} {dataset:<20} {estimator.name:<13} {len(solved):5d} pairs"
+        for kind, covariances in (
+            ("sandwich", [m.covariance for m, _ in solved]),
+            ("product", [np.linalg.inv(m.information) for m, _ in solved]),
+        ):
+            found = consistency(errors, np.array(covariances))
+            records += consistency_records(found, base, kind)
+            covered = " ".join(f"{found.coverage(c):.2f}" for c in (0.5, 0.9, 0.95))
+            line += f" | {kind} NEES {found.mean:7.2f} median {found.median:6.2f}"
+            line += f" trimmed {found.trimmed_mean:6.2f} covers {covered}"
+        print(line, flush=True)
+    return records

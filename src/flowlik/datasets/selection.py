@@ -1,0 +1,152 @@
+"""Chosen frames of a sequence as a sequence: a range of them, or those that can be read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Seq
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import RigidTransform
+
+from flowlik.camera import Pinhole
+from flowlik.datasets.base import Sequence, frame_index, lacks
+from flowlik.errors import DataError, MissingFieldError
+
+
+class Skipped(NamedTuple):
+    """A frame left out, by its number in the whole sequence, and why."""
+
+    frame: int
+    reason: str
+
+
+class Selection:
+    """Frames of a sequence, numbered anew, with everything that the sequence tells of them.
+
+    Parameters
+    ----------
+    whole : Sequence
+        The sequence.
+    frames : sequence of int
+        Increasing frame numbers of it, at least one.
+
+    Raises
+    ------
+    DataError
+        If the sequence has no such frames.
+    """
+
+    def __init__(self, whole: Sequence, frames: Seq[int]) -> None:
+        self.whole, self.frames, self.name = whole, np.array(frames, dtype=int), whole.name
+        if not len(frames) or self.frames[0] < 0 or self.frames[-1] >= len(whole):
+            raise DataError(f"{whole.name}: no such frames, there are {len(whole)}")
+
+    @property
+    def camera(self) -> Pinhole:
+        """The camera of every frame."""
+        return self.whole.camera
+
+    def __len__(self) -> int:
+        """Return the number of frames chosen."""
+        return len(self.frames)
+
+    def image(self, k: int) -> NDArray[np.uint8]:
+        """Grey image (H, W) of frame k."""
+        return self.whole.image(self._of(k))
+
+    def timestamp(self, k: int) -> float:
+        """Time [s] of frame k."""
+        return self.whole.timestamp(self._of(k))
+
+    def T_n_c(self, k: int) -> RigidTransform:
+        """Return the true pose of frame k, which takes points in {c} to points in {n} [m]."""
+        return self.whole.T_n_c(self._of(k))
+
+    def depth(self, k: int) -> NDArray[np.float64]:
+        """Return the true depth (H, W) [m] of frame k."""
+        return self.whole.depth(self._of(k))
+
+    def flow(self, k: int) -> NDArray[np.float64]:
+        """Return the true flow (H, W, 2) [px] to the next frame, where that is the whole sequence's next."""
+        if k + 1 < len(self) and self._of(k + 1) != self._of(k) + 1:
+            raise lacks(self.name, f"true flow from frame {self._of(k)} to {self._of(k + 1)}")
+        return self.whole.flow(self._of(k))
+
+    def __getattr__(self, name: str) -> Any:
+        """What else the sequence has: right images and GPS positions of these frames, a baseline."""
+        if name.startswith("_") or name in ("whole", "frames"):
+            raise AttributeError(name)
+        value = getattr(self.whole, name)
+        if name == "gps_positions":
+            return value[self.frames]
+        return (lambda k: value(self._of(k))) if name in ("right_image", "visible") else value
+
+    def _of(self, k: int) -> int:
+        return int(self.frames[frame_index(self, k)])
+
+
+def select_frames(
+    sequence: Sequence, start: int = 0, count: int | None = None, skip_bad: bool = False
+) -> tuple[Selection, list[Skipped]]:
+    """Choose a range of frames, and leave out of it what cannot be used where that is asked for.
+
+    Parameters
+    ----------
+    sequence : Sequence
+        The whole sequence.
+    start : int
+        First frame.
+    count : int, optional
+        So many frames, or as many as there are.
+    skip_bad : bool
+        Leave frames out that cannot be read, and those whose time does not advance. Every image is decoded
+        once more for it.
+
+    Returns
+    -------
+    chosen : Selection
+        The frames.
+    skipped : list of Skipped
+        Those left out.
+
+    Raises
+    ------
+    DataError
+        If fewer than two frames are left.
+    """
+    if not 0 <= start < len(sequence):
+        raise DataError(f"{sequence.name}: no frame {start} to start at, there are {len(sequence)} frames")
+    frames = range(start, len(sequence) if count is None else min(start + count, len(sequence)))
+    kept, skipped, last = [], [], -np.inf
+    for k in frames:
+        reason = _reason(sequence, k, last) if skip_bad else ""
+        if reason:
+            skipped.append(Skipped(k, reason))
+            continue
+        last = sequence.timestamp(k) if skip_bad else last
+        kept.append(k)
+    if skip_bad and len(kept) < 2:
+        first = f" (frame {skipped[0].frame}: {skipped[0].reason})" if skipped else ""
+        raise DataError(f"{sequence.name}: {len(kept)} of {len(frames)} frames can be used{first}")
+    return Selection(sequence, kept), skipped
+
+
+def whole_pair(sequence: Sequence, k: int) -> tuple[Sequence, int]:
+    """Sequence and frame that flow on disk is numbered by, for the pair of frames k and k + 1."""
+    if not isinstance(sequence, Selection):
+        return sequence, k
+    first, second = (int(f) for f in sequence.frames[k : k + 2])
+    return (sequence.whole, first) if second == first + 1 else (sequence, k)
+
+
+def _reason(sequence: Sequence, k: int, last: float) -> str:
+    """Why a frame cannot be used, or nothing."""
+    try:
+        sequence.image(k)
+        time = sequence.timestamp(k)
+    except MissingFieldError:
+        raise
+    except DataError as error:
+        return str(error)
+    return "" if last < time < np.inf else f"time does not advance: {time:g} s after {last:g} s"
