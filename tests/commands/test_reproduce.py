@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from flowlik.commands.plans import FULL, METHODS, QUICK, Flight, Plan
-from flowlik.commands.reproduce import BASELINE, reproduce
+from flowlik.commands.reproduce import reproduce
+from flowlik.commands.reproduce_flights import BASELINE
 from flowlik.model_file import load_likelihood
 from flowlik.records import read_records, select
 

@@ -89,6 +89,7 @@ def run(
     result = odometry(
         data, out, model, method, estimator, residual, scale, height, self_calibrate, boresight, gate, frames,
         format, seed, command_line(), terminal_progress, camera, frames_per_second,
-        topic, bag, view, record, start, skip_bad_frames,
+        start, skip_bad_frames,
+        topic, bag, view, record,
     )  # fmt: skip
     show_run(result, json)

@@ -59,12 +59,12 @@ def odometry(
     progress: Progress = no_progress,
     camera: str | None = None,
     frames_per_second: float | None = None,
+    start: int = 0,
+    skip_bad_frames: bool = False,
     topic: str | None = None,
     bag: bool = False,
     view: bool = False,
     record: bool = False,
-    start: int = 0,
-    skip_bad_frames: bool = False,
 ) -> RunFolder:
     """Estimate the trajectory of a sequence, and its errors where the data set has poses.
 
@@ -108,17 +108,17 @@ def odometry(
         ``f,cx,cy`` or ``fx,fy,cx,cy`` [px], or a camera file, for data without a camera of its own.
     frames_per_second : float, optional
         Frame rate [Hz], for images without times.
+    start : int
+        First frame; what comes before is not looked at.
+    skip_bad_frames : bool
+        Go on over frames that are missing or unreadable, or whose time does not advance; the report tells
+        which.
     topic : str, optional
         Topic of the images of a ROS bag.
     bag : bool
         Also write the trajectory as a ROS 2 bag, ``odometry_bag``.
     view, record : bool
         Show the run live in the rerun viewer; record it as ``view.rrd``.
-    start : int
-        First frame; what comes before is not looked at.
-    skip_bad_frames : bool
-        Go on over frames that are missing or unreadable, or whose time does not advance; the report tells
-        which.
 
     Raises
     ------
@@ -132,7 +132,7 @@ def odometry(
         raise DataError(f"unknown boresight {boresight!r}: known are none, causal")
     if bag:
         extra("rosbags", "--bag")
-    whole = open_sequence(data, format, camera, frames_per_second, topic, skip_bad_frames)
+    whole = open_sequence(data, format, camera, frames_per_second, skip_bad_frames, topic)
     sequence, skipped = select_frames(whole, start, frames, skip_bad_frames)
     kind = _residual_kind(sequence, residual)
     source = scale_source(scale, sequence, height_m)
@@ -143,8 +143,9 @@ def odometry(
     config = {
         "data": str(data), "model": None if model is None else str(model), "estimator": estimator,
         "residual": kind, "scale": scale, "gate": gate, "frames": frames, "method": describe(flow),
-        "camera": camera, "frames_per_second": frames_per_second, "topic": topic,
+        "camera": camera, "frames_per_second": frames_per_second,
         "start": start, "skip_bad_frames": skip_bad_frames,
+        "topic": topic,
     }  # fmt: skip
     count = len(sequence)
     # a pose file that cannot be used is told before the work, not after it
@@ -156,11 +157,10 @@ def odometry(
     settings = SelfCalibration() if self_calibrate else None
     robot = Odometry(sequence.camera, flow, chosen, seed, source, settings, boresight == "causal")
     loop = run_odometry(sequence, robot, kind)
-    shown = viewer(view, run.begin() / "view.rrd" if record else None)
-    loop = watched_by(shown, loop, sequence, robot)
+    watched = watched_by(viewer(view, run.begin() / "view.rrd" if record else None), loop, sequence, robot)
     begin = time.perf_counter()
     motions, agreements = [], []
-    for motion in progress(loop, f"{estimator} on {sequence.name}", count - 1):
+    for motion in progress(watched, f"{estimator} on {sequence.name}", count - 1):
         motions.append(motion)
         if truth is not None and robot.last is not None:
             k = len(motions)

@@ -52,6 +52,10 @@ class Plan:
         """Frames of all flights together."""
         return sum(flight.pairs + 1 for flight in (*self.calibration, *self.held_out))
 
+    def dataset(self, flight: Flight) -> str:
+        """Name of a flight in results."""
+        return f"{self.world}-{flight.label}"
+
     def shared(self, share: float) -> Plan:
         """Plan with the first share of every flight's pairs, at least two."""
 

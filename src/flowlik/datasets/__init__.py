@@ -28,7 +28,7 @@ class Format:
     layout : str
         What is expected there, in words.
     options : tuple of str
-        Of ``camera``, ``frames_per_second``, ``topic`` and ``lenient``, those that the format takes.
+        Of ``camera``, ``frames_per_second``, ``lenient`` and ``topic``, those that the format takes.
     """
 
     open: Callable[..., Sequence]
@@ -167,8 +167,8 @@ def open_sequence(
     format: str | None = None,
     camera: CameraLike | None = None,
     frames_per_second: float | None = None,
-    topic: str | None = None,
     lenient: bool = False,
+    topic: str | None = None,
 ) -> Sequence:
     """Open the folder of a sequence, or a video file.
 
@@ -184,11 +184,11 @@ def open_sequence(
         undistorted as they are read.
     frames_per_second : float, optional
         Frame rate [Hz] for a format without times.
-    topic : str, optional
-        Topic of the images of a ROS bag; needed where there are several.
     lenient : bool
         Open it though images are missing between others or times go back; `select_frames` then leaves out
         what cannot be used.
+    topic : str, optional
+        Topic of the images of a ROS bag; needed where there are several.
 
     Raises
     ------
