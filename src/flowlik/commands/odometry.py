@@ -143,9 +143,8 @@ def odometry(
     config = {
         "data": str(data), "model": None if model is None else str(model), "estimator": estimator,
         "residual": kind, "scale": scale, "gate": gate, "frames": frames, "method": describe(flow),
-        "camera": camera, "frames_per_second": frames_per_second,
+        "camera": camera, "frames_per_second": frames_per_second, "topic": topic,
         "start": start, "skip_bad_frames": skip_bad_frames,
-        "topic": topic,
     }  # fmt: skip
     count = len(sequence)
     # a pose file that cannot be used is told before the work, not after it
