@@ -62,8 +62,7 @@ class Odometry:
     intrinsics : list of Intrinsics
         What is known of the camera after every frame, where it is refined.
     last : Step or None
-        Measurements of the last frame, as a pinhole camera would have made them, that camera, the motion, and
-        the residual it was estimated from.
+        Measurements of the last frame, as a pinhole camera would have made them, and what came of them.
     """
 
     def __init__(

@@ -129,6 +129,13 @@ def write_trajectory_npz(path: Path | str, trajectory: Trajectory, covariance: T
         )
 
 
+def write_covariance(folder: Path, trajectory: Trajectory, motions: Sequence[EgoMotion]) -> None:
+    """Write ``covariance.csv`` and ``trajectory.npz`` of a trajectory chained from motions."""
+    covariance = trajectory_covariance(trajectory.timestamps, motions)
+    write_covariance_csv(folder / "covariance.csv", covariance)
+    write_trajectory_npz(folder / "trajectory.npz", trajectory, covariance)
+
+
 def world_covariance(T_n_c: RigidTransform, covariance: Array) -> Array:
     """Covariance (6, 6) about the world's axes, of small turns [rad] and of the position [m] in {n}.
 

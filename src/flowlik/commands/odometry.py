@@ -34,11 +34,7 @@ from flowlik.ros_odometry import write_odometry_bag
 from flowlik.runs import RunFolder
 from flowlik.scale import SCALES, scale_source
 from flowlik.trajectory import Trajectory, write_kitti, write_tum
-from flowlik.trajectory_covariance import (
-    trajectory_covariance,
-    write_covariance_csv,
-    write_trajectory_npz,
-)
+from flowlik.trajectory_covariance import write_covariance
 from flowlik.viewer import viewer, watched_by
 
 ESTIMATORS = ("ransac", "lcmsac", "mle")
@@ -147,9 +143,8 @@ def odometry(
     config = {
         "data": str(data), "model": None if model is None else str(model), "estimator": estimator,
         "residual": kind, "scale": scale, "gate": gate, "frames": frames, "method": describe(flow),
-        "camera": camera, "frames_per_second": frames_per_second,
+        "camera": camera, "frames_per_second": frames_per_second, "topic": topic,
         "start": start, "skip_bad_frames": skip_bad_frames,
-        "topic": topic,
     }  # fmt: skip
     count = len(sequence)
     # a pose file that cannot be used is told before the work, not after it
@@ -178,9 +173,7 @@ def odometry(
     estimated = Trajectory(np.array(robot.timestamps), RigidTransform.concatenate(robot.poses))
     write_kitti(run.begin() / "trajectory_kitti.txt", estimated)
     write_tum(run.path / "trajectory_tum.txt", estimated)
-    covariance = trajectory_covariance(estimated.timestamps, motions)
-    write_covariance_csv(run.path / "covariance.csv", covariance)
-    write_trajectory_npz(run.path / "trajectory.npz", estimated, covariance)
+    write_covariance(run.path, estimated, motions)
     if bag:
         write_odometry_bag(run.path / "odometry_bag", estimated, motions)
     write_frames(run.path / "frames.csv", estimated, motions, sequence.frames[1:])
