@@ -167,7 +167,12 @@ class Odometry:
         if not motion.solved:
             T, covariance = self._model.predict()
             motion = replace(
-                motion, T_k_prev=T, information=np.zeros((6, 6)), covariance=covariance, predicted=True
+                motion,
+                T_k_prev=T,
+                information=np.zeros((6, 6)),
+                covariance=covariance,
+                sensitivity=None,
+                predicted=True,
             )
         motion = self._with_length(motion, k, distance_m)
         if motion.predicted:
@@ -222,6 +227,7 @@ class Odometry:
             if distance_m > 0
             else motion.information,
             covariance=motion.covariance * np.outer(factor, factor) if motion.solved else motion.covariance,
+            sensitivity=None,
             scale_known=True,
         )
 

@@ -171,7 +171,7 @@ def test_a_full_disk_is_one_error_and_leaves_nothing_half_written(
     folder = tmp_path / "flight"
     with monkeypatch.context() as patch:
         patch.setattr(Path, "open", lambda self, *a, **k: Limited(open_file(self, *a, **k)))
-        with pytest.raises(DataError, match=r"flight: cannot write the sequence .*No space left on device"):
+        with pytest.raises(DataError, match=r"lcam_front.png: cannot be written \(No space left on device\)"):
             write_sequence(sequence, folder)
     begun = fingerprints(folder)
     assert 3 < len(begun) < 3 * 3 + 2

@@ -149,6 +149,7 @@ class Estimator:
             outside=self.likelihood.schedule.outside(x[used]),
             log_prob=log_prob,
             hypotheses=drawn,
+            sensitivity=S,
         )
 
     def inliers(self, residual: Residual, T_k_prev: RigidTransform) -> NDArray[np.bool_]:

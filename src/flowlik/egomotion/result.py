@@ -64,6 +64,10 @@ class EgoMotion:
         Log-likelihood [nat] of the components used in refinement.
     hypotheses : int
         Hypotheses scored.
+    sensitivity : array (6, 6) or None
+        A of the sandwich, how fast the total score falls along the same tangent: as this frame shows it where
+        the likelihood knows the correlation of scores, else `information`. None where nothing was
+        estimated, or the length was told afterwards.
     """
 
     T_k_prev: RigidTransform
@@ -81,6 +85,7 @@ class EgoMotion:
     outside: float = 0.0
     log_prob: float = 0.0
     hypotheses: int = 0
+    sensitivity: Array | None = None
 
     @property
     def solved(self) -> bool:

@@ -73,7 +73,7 @@ def difference_covariance(
     """Covariance (6, 6) of the difference of two halves' motions, which share errors of the whole image.
 
     The likelihood's correlation of scores is that of all vectors, within a half and across: a score of the
-    first half moves the difference by its own information's inverse, one of the second against it.
+    first half moves the difference by the inverse of its own sensitivity, one of the second against it.
     """
     effects, fishers, directions = [], [], []
     for residual, motion, sign in zip(halves_, motions, (1.0, -1.0)):
@@ -83,8 +83,8 @@ def difference_covariance(
             likelihood.fisher(residual.coordinates(T, likelihood.schedule.index)),
             residual.basis(T),
         )
-        A = basis.T @ (J.T @ (fisher[:, None] * J)) @ basis
-        effects.append(sign * J @ basis @ np.linalg.inv(A) @ basis.T)
+        assert motion.sensitivity is not None
+        effects.append(sign * J @ basis @ np.linalg.inv(basis.T @ motion.sensitivity @ basis) @ basis.T)
         fishers.append(fisher)
         directions.append(normal)
     effect, fisher = np.concatenate(effects), np.concatenate(fishers)
