@@ -16,8 +16,8 @@ from flowlik.egomotion import EgoMotion
 from flowlik.egomotion.prediction import ConstantMotion
 from flowlik.evaluation.drift import RelativeErrors, drift_percent, relative_pose_errors
 from flowlik.evaluation.motion_records import true_trajectory
+from flowlik.features import features_of
 from flowlik.flow import flow_method
-from flowlik.odometry import features_of
 from flowlik.progress import Progress
 from flowlik.records import Record, protocol
 from flowlik.runs import RunFolder

@@ -62,7 +62,7 @@ def test_a_right_covariance_covers_the_differences():
 
 
 def test_the_covariance_of_a_difference_knows_what_halves_share():
-    """It is the sum of the halves' without correlation; what a whole image shares cancels between equal ones."""
+    """Without correlation it is the halves' sum; what a whole image shares cancels between equal ones."""
     rng = np.random.default_rng(2)
     m = make_scene(random_motion(rng, 1.0, 0.5), rng, n=400, likelihood=lcm_likelihood()).measurements
     apart, twice = [m.select(half) for half in halves(m.pixels)], [m, m]
