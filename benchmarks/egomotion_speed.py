@@ -18,11 +18,11 @@ from egomotion_variants import RADIUS_PX, label, residuals_of_flight, translatio
 from flights import Runs, rendered
 from flowlik.egomotion import Estimator, KnownDepth, lcmsac, mle, ransac
 from flowlik.evaluation.baselines import Pnp
+from flowlik.features import measure_features
 from flowlik.flow import flow_method
 from flowlik.flow.base import DenseFlow
 from flowlik.flow.lucas_kanade import detect_corners
 from flowlik.model_file import load_likelihood
-from flowlik.odometry import measure_features
 from flowlik.records import Record, protocol
 from timing import processor_times
 

@@ -15,11 +15,11 @@ from flights import Flight, rendered
 from flowlik.datasets.base import Sequence
 from flowlik.egomotion import EgoMotion, Estimator, KnownDepth, lcmsac, mle, ransac
 from flowlik.evaluation.baselines import PNP, RADII_PX, Pnp, sweep
+from flowlik.features import measure_features
 from flowlik.files import read_json, write_json
 from flowlik.flow import describe, flow_method, method_label
 from flowlik.model_file import load_likelihood
 from flowlik.motion import relative_motion
-from flowlik.odometry import measure_features
 
 METHODS = ("farneback", "lucas-kanade", "dis")
 RECOMMENDED = "lcmsac-index"
