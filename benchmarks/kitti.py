@@ -46,7 +46,7 @@ def main() -> None:
         rows = select(run.records, dataset=dataset)
         print(f"\n{dataset}, scale truth-norm, no alignment")
         print(f"{'estimator':<22}" + "".join(f"{title:>15}" for title in COLUMNS.values()))
-        for name in dict.fromkeys(r.estimator for r in rows):
+        for name in dict.fromkeys(r.estimator for r in rows if r.estimator):
             cells = [cell(select(rows, estimator=name, metric=metric)) for metric in COLUMNS]
             print(f"{name:<22}" + "".join(f"{text:>15}" for text in cells))
         for r in rows:

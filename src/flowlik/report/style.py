@@ -103,6 +103,9 @@ LOOKS = {
     "ransac": Look("RANSAC", VERMILION, "^"),
     "lcmsac": Look("LCMSAC", BLUE, "o"),
     "mle": Look("MLE", PURPLE, "D"),
+    "nominal": Look("nominal", BLUE, "o"),
+    "selfcalibrated": Look("self-calibrated", PURPLE, "D"),
+    "boresight": Look("boresight", GREEN, "s"),
     "truth": Look("truth", INK, ""),
 }
 
