@@ -13,11 +13,8 @@ from flowlik.cli.app import app
 from flowlik.datasets import open_sequence
 from flowlik.report.figures import FIGURES
 from tests.cli.call import succeed
-from tests.cli.conftest import flight, quick
 
-__all__ = ["flight", "quick"]
-
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
