@@ -75,6 +75,14 @@ def eigen_2x2(S, first, last, t, R):  # type: ignore[no-untyped-def]
         R[i, 0, 0], R[i, 0, 1], R[i, 1, 0], R[i, 1, 1] = c, -s, s, c
 
 
+@njit(cache=True, inline="always")
+def _between(S, u0, v0, a, b, c):  # type: ignore[no-untyped-def]
+    """Channel c at the fractions (a, b) of the cell whose first corner is (u0, v0)."""
+    top = (1 - a) * S[v0, u0, c] + a * S[v0, u0 + 1, c]
+    bottom = (1 - a) * S[v0 + 1, u0, c] + a * S[v0 + 1, u0 + 1, c]
+    return (1 - b) * top + b * bottom
+
+
 @njit(cache=True)
 def bilinear(S: NDArray[np.floating], pixels: Array) -> Array:
     """Sample channels (H, W, C) at pixels (N, 2), clamped to the outermost pixel centres."""
@@ -86,9 +94,7 @@ def bilinear(S: NDArray[np.floating], pixels: Array) -> Array:
         u0, v0 = min(int(u), width - 2), min(int(v), height - 2)
         a, b = u - u0, v - v0
         for c in range(channels):
-            top = (1 - a) * S[v0, u0, c] + a * S[v0, u0 + 1, c]
-            bottom = (1 - a) * S[v0 + 1, u0, c] + a * S[v0 + 1, u0 + 1, c]
-            out[i, c] = (1 - b) * top + b * bottom
+            out[i, c] = _between(S, u0, v0, a, b, c)
     return out
 
 
@@ -167,10 +173,5 @@ def surface(field, pixels, relative, absolute):  # type: ignore[no-untyped-def]
                     # not ">": NaN agrees with nothing
                     agree = agree and abs(field[y, x, c] - near[c]) <= tolerance
         for c in range(channels):
-            if agree:
-                top = (1 - a) * field[v0, u0, c] + a * field[v0, u0 + 1, c]
-                bottom = (1 - a) * field[v0 + 1, u0, c] + a * field[v0 + 1, u0 + 1, c]
-                out[i, c] = (1 - b) * top + b * bottom
-            else:
-                out[i, c] = near[c]
+            out[i, c] = _between(field, u0, v0, a, b, c) if agree else near[c]
     return out
