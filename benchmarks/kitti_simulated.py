@@ -8,7 +8,6 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from pair_cache import PairCache
 
 from flowlik.camera import Distortion, Pinhole
 from flowlik.datasets.base import Sequence
@@ -23,6 +22,7 @@ from flowlik.progress import terminal_progress
 from flowlik.records import Record, protocol, select
 from flowlik.runs import RunFolder
 from flowlik.simulation import SimulatedSequence, simulate
+from pair_cache import PairCache
 
 WRONG_CX_PX, WRONG_K1 = -4.0, -0.015
 SHOWN = (
