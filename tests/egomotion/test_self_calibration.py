@@ -187,3 +187,11 @@ def test_a_frame_of_wrong_tracks_is_hardly_believed(states):
     trusting, wary = state._after(H, b), state._after(H, b, bad)
     assert (np.abs(wary.values) <= np.abs(trusting.values)).all()
     assert (wary.sigma > trusting.sigma).all()
+
+
+def test_frames_of_wrong_tracks_that_agree_are_not_as_many_witnesses():
+    H, b = np.diag([1.0, 1e4, 1e4]), np.array([-8.0, 0.0, 0.0])
+    states = [Intrinsics.prior(CAMERA, SelfCalibration())]
+    for _ in range(10):
+        states.append(states[-1]._after(H, b - H @ states[-1].values, excess=3.0))
+    assert states[10].sigma[0] > 0.7 * states[1].sigma[0]

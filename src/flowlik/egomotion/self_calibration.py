@@ -11,7 +11,8 @@ Both are in the filter as measured on simulated drives: noise of variance `noise
 parameter, a first-order Gauss-Markov process of variance `persistent` that forgets within `memory` frames.
 Where images are worse than simulated ones, the filter's own innovations tell by how much: both variances are
 multiplied by the mean of their squares so far. A frame most of whose tracks are wrong tells so itself, before
-the filter has learned anything: its noise grows with the square of its errors' excess.
+the filter has learned anything: both variances grow with the square of its errors' excess, for wrong tracks
+agree with those of the frames around them.
 """
 
 from __future__ import annotations
@@ -203,7 +204,8 @@ class Intrinsics:
         settings, count = self.settings, len(b)
         prior, kept = settings.prior_variances, np.exp(-1 / settings.memory)
         fades = np.concatenate([np.ones(count), np.full(count, kept)])
-        renewed = np.full(count, (1 - kept**2) * settings.persistent * self.misfit)
+        # what wrong tracks say stays as well: without that, ten such frames would count as ten witnesses
+        renewed = np.full(count, settings.persistent * ((1 - kept**2) * self.misfit + excess**2 - 1))
         state = fades * self.state
         joint = fades[:, None] * self.joint * fades + np.diag(
             np.concatenate([settings.drift * prior, renewed])
