@@ -14,6 +14,7 @@ from flowlik.calibration.pairs import PairErrors, pair_errors
 from flowlik.calibration.run import Block
 from flowlik.camera import Array
 from flowlik.datasets.base import Sequence
+from flowlik.egomotion.covariance import score_covariance
 from flowlik.errors import CalibrationError
 from flowlik.families import LaplaceCauchy
 from flowlik.flow import LucasKanade
@@ -28,35 +29,42 @@ LEAST_PX = 1e-9
 FEWEST = 20
 """Vectors of an image pair of which nothing is said below."""
 
-Shared = tuple[ScoreProducts, list[Array]]
+Pairs = list[tuple[Measurements, Array]]
+"""Measurements and errors z (N, 2) [px] of image pairs."""
 
 
 def with_shared_errors(
     blocks: Seq[Block],
     likelihood: FlowLikelihood,
     method: FlowMethod,
-    map: Callable[..., Iterable[Shared]] = map,
+    map: Callable[..., Iterable[Pairs]] = map,
 ) -> FlowLikelihood:
     """Likelihood that knows what errors of its flow method share, measured on blocks of image pairs.
 
-    It goes through any `map` that keeps the order. The emphasis is that with the least error of an affine
-    motion field, whose logarithm is averaged over the pairs: cameras' motions move images smoothly, and this
-    needs their flow alone. In the paper's likelihood, Laplace-Cauchy over texture, components count by
-    their information alone.
+    It goes through any `map` that keeps the order. All is settled on affine motion fields estimated from the
+    errors, whose true field is zero: cameras' motions move images smoothly, and this needs their flow alone.
+    The emphasis is that with the least field error, whose logarithm is averaged over the pairs; the
+    correlation is scaled so that fields are as uncertain as it says. In the paper's likelihood,
+    Laplace-Cauchy over texture, components count by their information alone.
 
     Raises
     ------
     CalibrationError
         If there are no pairs of flow vectors.
     """
-    found = list(map(_of_block, blocks, [likelihood] * len(blocks), [method] * len(blocks)))
-    if not found:
-        raise CalibrationError("no image pairs to take the correlation of scores from")
-    correlation = fit_correlation(reduce(ScoreProducts.merge, (products for products, _ in found)))
-    fields = [errors for _, of_block in found for errors in of_block]
+    found = map(_pairs_of_block, blocks, [likelihood] * len(blocks), [method] * len(blocks))
+    pairs = [pair for of_block in found for pair in of_block]
+    if not pairs:
+        raise CalibrationError("no image pairs with flow vectors to take the correlation of scores from")
+    correlation = fit_correlation(
+        reduce(ScoreProducts.merge, (ScoreProducts.of(likelihood, m, z) for m, z in pairs))
+    )
     paper = likelihood.family.name == LaplaceCauchy.name and likelihood.schedule.name == "texture"
-    emphasis = 0.0 if paper else float(EMPHASES[np.argmin(np.log(fields).mean(axis=0))])
-    return replace(likelihood, correlation=correlation, emphasis=emphasis)
+    logs = [np.log(field_errors(likelihood, m, z)) for m, z in pairs]
+    emphasis = 0.0 if paper else float(EMPHASES[np.argmin(np.mean(logs, axis=0))])
+    likelihood = replace(likelihood, correlation=correlation, emphasis=emphasis)
+    variance = float(np.mean([field_variance(likelihood, m, z) for m, z in pairs]))
+    return replace(likelihood, correlation=correlation.scaled(variance))
 
 
 def field_errors(likelihood: FlowLikelihood, m: Measurements, z: Array) -> Array:
@@ -65,12 +73,7 @@ def field_errors(likelihood: FlowLikelihood, m: Measurements, z: Array) -> Array
     One step of scoring from the truth, over errors z (N, 2) [px] in the eigenbasis; the field's RMS at the
     vectors.
     """
-    x = likelihood.coordinate(m)
-    score, fisher = -likelihood.score(z, x).ravel(), likelihood.fisher(x).ravel()
-    centred = m.pixels - m.pixels.mean(axis=0)
-    terms = np.column_stack([np.ones(len(m)), centred / np.abs(centred).max()])
-    directions = np.swapaxes(m.R_i_e, 1, 2)
-    J = np.einsum("nci,nk->ncik", directions, terms).reshape(len(fisher), -1)
+    score, fisher, terms, J = _affine(likelihood, m, z)
     errors = []
     for emphasis in EMPHASES:
         weight = (fisher / fisher.max()) ** emphasis
@@ -82,6 +85,29 @@ def field_errors(likelihood: FlowLikelihood, m: Measurements, z: Array) -> Array
     return np.maximum(errors, LEAST_PX)
 
 
+def field_variance(likelihood: FlowLikelihood, m: Measurements, z: Array) -> float:
+    """Square of an affine field's score where the true field is zero, in units of its predicted variance.
+
+    1 on average if the likelihood's correlation holds; z as in `field_errors`.
+    """
+    score, fisher, _, J = _affine(likelihood, m, z)
+    weight = likelihood.composite_weight(likelihood.coordinate(m)).ravel()
+    assert likelihood.correlation is not None
+    directions = np.swapaxes(m.R_i_e, 1, 2).reshape(-1, 2)
+    B = score_covariance(m, directions, J, weight**2 * fisher, likelihood.correlation)
+    total = J.T @ (weight * score)
+    return float(total @ np.linalg.lstsq(B, total, rcond=1e-12)[0]) / len(B)
+
+
+def _affine(likelihood: FlowLikelihood, m: Measurements, z: Array) -> tuple[Array, Array, Array, Array]:
+    """Scores (C,), information (C,), terms (N, 3) of an affine field, and the components' Jacobian (C, 6)."""
+    x = likelihood.coordinate(m)
+    centred = m.pixels - m.pixels.mean(axis=0)
+    terms = np.column_stack([np.ones(len(m)), centred / max(np.abs(centred).max(), 1.0)])
+    J = np.einsum("nci,nk->ncik", np.swapaxes(m.R_i_e, 1, 2), terms).reshape(x.size, -1)
+    return -likelihood.score(z, x).ravel(), likelihood.fisher(x).ravel(), terms, J
+
+
 def spread_pairs(sequence: Sequence, most: int, seed: int) -> list[Block]:
     """At most so many pairs of a sequence, evenly spread, a block each."""
     count = len(sequence) - 1
@@ -89,15 +115,10 @@ def spread_pairs(sequence: Sequence, most: int, seed: int) -> list[Block]:
     return [Block(sequence, range(k, k + 1), seed) for k in firsts.tolist()]
 
 
-def _of_block(block: Block, likelihood: FlowLikelihood, method: FlowMethod) -> Shared:
-    """Products of scores, and field errors, of 1200 random vectors of each pair."""
-    products, fields = ScoreProducts.empty(), []
-    for k in block.firsts:
-        e = _errors_where_estimated(block, k, likelihood, method)
-        if len(e.z) >= FEWEST:
-            products = products.merge(ScoreProducts.of(likelihood, e.measurements, e.z))
-            fields.append(field_errors(likelihood, e.measurements, e.z))
-    return products, fields
+def _pairs_of_block(block: Block, likelihood: FlowLikelihood, method: FlowMethod) -> Pairs:
+    """Errors of 1200 random vectors of each pair."""
+    found = [_errors_where_estimated(block, k, likelihood, method) for k in block.firsts]
+    return [(e.measurements, e.z) for e in found if len(e.z) >= FEWEST]
 
 
 def _errors_where_estimated(
