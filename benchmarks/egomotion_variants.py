@@ -80,20 +80,23 @@ def variants(method: str, cache: Path) -> Variants:
         replace(ransac(RADIUS_PX, gate=gate), name="ransac-gated"),
         lcmsac(texture, gate=gate),
         mle(texture, gate=gate),
-        replace(lcmsac(index), name="lcmsac-index"),
-        replace(mle(index), name="mle-index"),
+        replace(lcmsac(index, gate=swept["index_gate"]), name="lcmsac-index"),
+        replace(mle(index, gate=swept["index_gate"]), name="mle-index"),
     )
     return Variants(method, ours, {name: Pnp(**swept[name]) for name in ("opencv", "poselib")})
 
 
 def settled(method: str, cache: Path) -> dict:
-    """Gate of the texture model and the best of either library: least median error on calibration flights."""
+    """Gates of both models and the best of either library: least median error on calibration flights."""
     path = cache / f"rivals-{method}.json"
-    if not path.is_file():
+    known = read_json(path) if path.is_file() else {}
+    assert isinstance(known, dict)
+    if "index_gate" not in known:
         pairs = [pair for flight in SWEPT for pair in residuals_of_flight(flight, method, cache)]
         chosen = np.linspace(0, len(pairs) - 1, SWEPT_PAIRS).astype(int)
         pairs = [pairs[i] for i in chosen]
-        write_json(path, {"gate": _best_gate(method, pairs), **_best_rivals(pairs)})
+        known = known or {"gate": _best_gate(f"{method}-lcm", pairs), **_best_rivals(pairs)}
+        write_json(path, known | {"index_gate": _best_gate(method, pairs)})
     return read_json(path)
 
 
@@ -118,8 +121,8 @@ def residuals(
         yield residual, relative_motion(sequence.T_n_c(k), sequence.T_n_c(k + 1)), seconds
 
 
-def _best_gate(method: str, pairs: Pairs) -> float | None:
-    likelihood = load_likelihood(f"{method}-lcm")
+def _best_gate(model: str, pairs: Pairs) -> float | None:
+    likelihood = load_likelihood(model)
 
     def median(gate: float | None) -> float:
         estimator = lcmsac(likelihood, gate=gate)

@@ -21,9 +21,9 @@ from flowlik.calibration import (
     Task,
     calibrate,
     index_form,
-    measure_correlation,
     merge_all,
     schedule_index,
+    with_shared_errors,
 )
 from flowlik.evaluation.goodness import coverage, kolmogorov_smirnov, negative_log_likelihood
 from flowlik.families import error_family
@@ -33,7 +33,7 @@ from flowlik.model_file import load_likelihood, save_likelihood
 from flowlik.schedule import Index
 
 DENSE_PIXELS = 20_000
-# flights of which one is taken for the correlation of scores
+# flights of which one is taken for what errors share
 EVERY = 3
 METHODS = ("lucas-kanade", "lucas-kanade-11", "farneback", "dis", "horn-schunck")
 MODELS = Path(__file__).resolve().parents[1] / "src" / "flowlik" / "models"
@@ -59,14 +59,14 @@ def with_goodness(likelihood: FlowLikelihood, blocks: list[ErrorSketch]) -> Flow
     return replace(likelihood, goodness={**likelihood.goodness, **figures})
 
 
-def correlated(model: FlowLikelihood, cache: Path, kitti_poses: Path | None) -> FlowLikelihood:
-    """Likelihood with the correlation of its scores on every third calibration flight."""
-    pairs = [
+def sharing(model: FlowLikelihood, cache: Path, kitti_poses: Path | None) -> FlowLikelihood:
+    """Likelihood with what its errors share on every third calibration flight."""
+    blocks = [
         block
         for flight in CALIBRATION[::EVERY]
         for block in rendered(flight, cache, kitti_poses).blocks(flight.seed)
     ]
-    return replace(model, correlation=measure_correlation(pairs, model))
+    return with_shared_errors(blocks, model, flow_method(model.method or {}))
 
 
 def ship(method: str, cache: Path, kitti_poses: Path | None, out: Path) -> None:
@@ -84,7 +84,7 @@ def ship(method: str, cache: Path, kitti_poses: Path | None, out: Path) -> None:
     over = [block.over(index) for block in by_texture]
     for name, family, blocks in ((method, "glc", over), (f"{method}-lcm", "lcm", by_texture)):
         model = calibrate(blocks, error_family(family), flow, provenance=provenance)
-        model = correlated(model, cache, kitti_poses)
+        model = sharing(model, cache, kitti_poses)
         save_likelihood(with_goodness(model, blocks), out / f"{name}.json")
         print(name, model.goodness["fit"], f"{time.perf_counter() - start:.0f} s", flush=True)
 
@@ -97,18 +97,16 @@ def main() -> None:
     parser.add_argument("--kitti-poses", type=Path)
     parser.add_argument("--methods", nargs="+", choices=METHODS, default=METHODS)
     parser.add_argument("--out", type=Path, default=MODELS)
-    parser.add_argument(
-        "--correlation", action="store_true", help="measure only the correlation of scores anew"
-    )
+    parser.add_argument("--shared", action="store_true", help="measure only what errors share anew")
     options = parser.parse_args()
     for method in options.methods:
-        if options.correlation:
+        if options.shared:
             for name in (method, f"{method}-lcm"):
-                model = correlated(
+                model = sharing(
                     load_likelihood(options.out / f"{name}.json"), options.cache, options.kitti_poses
                 )
                 save_likelihood(model, options.out / f"{name}.json")
-                print(name, model.correlation, flush=True)
+                print(name, model.emphasis, model.correlation, flush=True)
             continue
         ship(method, options.cache, options.kitti_poses, options.out)
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.calibration import Task, calibrate, measure_correlation, sketch_blocks, split_blocks
+from flowlik.calibration import Task, calibrate, sketch_blocks, split_blocks, with_shared_errors
 from flowlik.camera import Pinhole
 from flowlik.datasets.base import Sequence
 from flowlik.egomotion import EgoMotion, GaussianPrior, KnownDepth, mle
@@ -28,15 +28,12 @@ ACCELERATION = np.array([3.0, 3.0, 3.0, 2.0, 2.0, 2.0])  # one sigma: rad/s² ab
 
 
 def calibrated(method: LucasKanade) -> FlowLikelihood:
-    """Likelihood of the flow, with the correlation of its scores, from a flight of another seed."""
+    """Likelihood of the flow, and of what its errors share, from a flight of another seed."""
     flight = simulate("planes", "training", 12, 6.0, 1, CAMERA)
     blocks = split_blocks(flight, seed=1)
     sketches = [found[0] for found in sketch_blocks(blocks, [Task(method)])]
     likelihood = calibrate(sketches, LaplaceCauchy(), method)
-    return FlowLikelihood(
-        likelihood.family, likelihood.schedule, likelihood.texture, likelihood.method,
-        correlation=measure_correlation(blocks, likelihood),
-    )  # fmt: skip
+    return with_shared_errors(blocks, likelihood, method)
 
 
 def recursion(flight: Sequence, likelihood: FlowLikelihood, method: LucasKanade) -> Iterator[EgoMotion]:

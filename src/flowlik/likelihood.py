@@ -20,6 +20,7 @@ from flowlik.schedule import Schedule, check_values
 from flowlik.texture import TextureDefinition
 
 BOUND_NODES = 513
+MOST_EMPHASIS = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,8 @@ class FlowLikelihood:
         Where the table comes from, and figures of how well it fits.
     correlation : ScoreCorrelation or None
         How scores of neighbouring vectors go together; None where it was not measured.
+    emphasis : float
+        Power of its information that a component counts with in an estimate (`composite_weight`).
 
     Raises
     ------
@@ -57,9 +60,12 @@ class FlowLikelihood:
     provenance: dict[str, Any] = field(default_factory=dict)
     goodness: dict[str, Any] = field(default_factory=dict)
     correlation: ScoreCorrelation | None = None
+    emphasis: float = 0.0
 
     def __post_init__(self) -> None:
         check_values(self.family, self.schedule)
+        if not 0 <= self.emphasis <= MOST_EMPHASIS:
+            raise ModelError(f"an emphasis must lie between 0 and {MOST_EMPHASIS:g}, not {self.emphasis}")
 
     @classmethod
     def constant_gaussian(cls, sigma_px: float) -> FlowLikelihood:
@@ -132,6 +138,17 @@ class FlowLikelihood:
             self._informations[confidence] = self._information(confidence)
         return self._interpolate(x, self._informations[confidence])
 
+    def composite_weight(self, x: Array | float) -> Array:
+        """Weight in (0, 1] of a component's log-density in an estimate over many, ``(f / max f)^emphasis``.
+
+        Errors that vectors share are the larger part of wide ones: in a product of likelihoods, as if all
+        were independent, components of little information f would count too much
+        (docs/theory-covariance.md).
+        """
+        if self.emphasis == 0:
+            return np.ones(np.shape(x))
+        return np.asarray((self.fisher(x) / self.fisher(self._nodes).max()) ** self.emphasis)
+
     def _interpolate(self, x: Array | float, values: Array) -> Array:
         """Values at x, given at the nodes."""
         flat = np.asarray(x, dtype=np.float64)
@@ -142,6 +159,13 @@ class FlowLikelihood:
     def compiled(self) -> tables.LikelihoodTables:
         """Tables of log-density and weight that kernels read; they know no family."""
         return tables.compile_tables(self.log_prob, self.weight, self.schedule.knots)
+
+    @cached_property
+    def composite(self) -> tables.LikelihoodTables:
+        """Tables like `compiled`, times `composite_weight`."""
+        if self.emphasis == 0:
+            return self.compiled
+        return self.compiled.times(self.composite_weight(self.compiled.x)[:, None].astype(np.float32))
 
     @cached_property
     def _nodes(self) -> Array:

@@ -53,7 +53,8 @@ class ModelFile(_Strict):
     ``index`` says how covariates give x (ln of texture for the paper's schedule), ``knots`` are of x;
     ``table`` maps each parameter of the family to its values at the knots, linear
     between; ``score_correlation`` is the correlation of scores over pixel distance, when it was
-    measured (`flowlik.correlation`).
+    measured (`flowlik.correlation`), ``emphasis`` the power of its information that a component counts
+    with in an estimate.
     """
 
     schema_version: Literal[2] = 2
@@ -67,6 +68,7 @@ class ModelFile(_Strict):
     provenance: dict[str, Any]
     goodness: dict[str, Any]
     score_correlation: dict[str, list[float]] | None = None
+    emphasis: float = 0.0
 
 
 def save_likelihood(likelihood: FlowLikelihood, path: Path | str) -> None:
@@ -90,6 +92,7 @@ def save_likelihood(likelihood: FlowLikelihood, path: Path | str) -> None:
         provenance=likelihood.provenance,
         goodness=likelihood.goodness,
         score_correlation=likelihood.correlation.values() if likelihood.correlation else None,
+        emphasis=likelihood.emphasis,
     )
     with atomic_write(Path(path)) as file:
         file.write(content.model_dump_json(indent=1) + "\n")
@@ -142,6 +145,7 @@ def load_likelihood(path: Path | str) -> FlowLikelihood:
             content.provenance,
             content.goodness,
             ScoreCorrelation.of_values(content.score_correlation) if content.score_correlation else None,
+            content.emphasis,
         )
     except OSError as error:
         raise ModelError(f"{path}: cannot read the model file ({error.strerror or error})") from None

@@ -35,6 +35,15 @@ class LikelihoodTables(NamedTuple):
         """Fractional row of each coordinate x, clamped to the table."""
         return np.clip((x - self.first_x) / self.step_x, 0.0, len(self.log_prob) - 1.0)
 
+    @property
+    def x(self) -> Array:
+        """Coordinate of each row."""
+        return self.first_x + self.step_x * np.arange(len(self.log_prob), dtype=np.float64)
+
+    def times(self, factor: NDArray[np.float32]) -> LikelihoodTables:
+        """Tables whose rows are multiplied by factors (X, 1)."""
+        return self._replace(log_prob=factor * self.log_prob, weight=factor * self.weight)
+
 
 def magnitude_nodes() -> Array:
     """Nodes of abs(z) [px] of the tables, and edges of the error bins of sketches."""

@@ -8,8 +8,10 @@ from flowlik.correlation import SCALES_PX, ScoreCorrelation, flow_directions
 from flowlik.egomotion import KnownDepth, lcmsac, mle
 from flowlik.egomotion.covariance import SPACING, score_covariance, smoothed_products
 from flowlik.errors import ModelError
+from flowlik.families import Gaussian
 from flowlik.likelihood import FlowLikelihood
 from flowlik.motion import h, inverse_range
+from flowlik.schedule import Schedule
 from tests.helpers import CAMERA, lcm_likelihood, make_scene, random_motion, tangent_error
 
 MODEL = lcm_likelihood()
@@ -231,3 +233,27 @@ def test_an_impossible_correlation_is_refused():
         ScoreCorrelation.of_values({"scale_px": [1.0]})
     again = ScoreCorrelation.of_values(CORRELATION.values())
     np.testing.assert_array_equal(again.at(np.arange(50.0)), CORRELATION.at(np.arange(50.0)))
+
+
+def test_emphasis_weighs_components_and_its_covariance_knows():
+    """Against Gauss and Newton's weighted least squares: the motion, and how it scatters."""
+    index = MODEL.schedule.index
+    knots = MODEL.schedule.knots[[0, -1]]
+    wide = FlowLikelihood(Gaussian(), Schedule(index, knots, np.array([[1.0, 0.1]])))
+    model = mle(replace(wide, emphasis=0.5, correlation=INDEPENDENT))
+    rng, distances = np.random.default_rng(9), []
+    for seed in range(60):
+        scene = make_scene(random_motion(rng), rng, n=300, likelihood=wide)
+        residual = scene.known_depth
+        result = model.estimate(residual, seed=seed)
+        xi = tangent_error(result.T_k_prev, scene.T)
+        distances.append(xi @ np.linalg.solve(result.covariance, xi))
+        if seed == 0:
+            T = result.T_k_prev.as_matrix()[:3]
+            z, J = residual.linearise(T)
+            f = wide.fisher(residual.coordinates(T, index))
+            weight = f * np.sqrt(f)
+            step = np.linalg.solve(J.T @ (weight[:, None] * J), J.T @ (weight * z))
+            assert step @ result.information @ step < 1e-4
+    # 6 if honest, of standard deviation 3.5 / sqrt(60)
+    assert 4.6 < np.mean(distances) < 7.4

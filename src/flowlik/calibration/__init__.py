@@ -1,7 +1,6 @@
 """Calibration: errors against truth, their sketch, and the fit of a look-up table."""
 
 from flowlik.calibration.cache import SketchCache
-from flowlik.calibration.correlation import measure_correlation
 from flowlik.calibration.executors import executor
 from flowlik.calibration.fit import SMOOTHING_NAT, bootstrap, choose_smoothing, fit, place_knots
 from flowlik.calibration.learn import Rows, learn_index
@@ -23,6 +22,7 @@ from flowlik.calibration.schedules import (
     index_form,
     schedule_index,
 )
+from flowlik.calibration.shared_errors import spread_pairs, with_shared_errors
 from flowlik.calibration.sketch import ErrorSketch, merge_all
 
 __all__ = [
@@ -45,11 +45,12 @@ __all__ = [
     "gather",
     "index_form",
     "learn_index",
-    "measure_correlation",
     "merge_all",
     "pair_errors",
     "place_knots",
     "schedule_index",
     "sketch_blocks",
     "split_blocks",
+    "spread_pairs",
+    "with_shared_errors",
 ]

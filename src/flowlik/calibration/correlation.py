@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from collections.abc import Sequence as Seq
 from dataclasses import dataclass, fields
-from functools import reduce
 
 import numpy as np
 from numba import njit
 from scipy.optimize import nnls
 
-from flowlik.calibration.pairs import pair_errors
-from flowlik.calibration.run import Block
 from flowlik.camera import Array
 from flowlik.correlation import SCALES_PX, ScoreCorrelation, flow_directions, shapes
 from flowlik.errors import CalibrationError
-from flowlik.flow import flow_method
-from flowlik.flow.base import DenseFlow, FlowMethod
-from flowlik.flow.lucas_kanade import detect_corners
 from flowlik.likelihood import FlowLikelihood
-from flowlik.measurements import Measurements, stratified_pixels
+from flowlik.measurements import Measurements
 
-VECTORS = 1200
 EDGES_PX = np.concatenate([[0.0], np.geomspace(3.0, 3072.0, 31)])
 """Edges of the distance bins; a bin's distances stand for their geometric mean."""
 
@@ -137,35 +128,3 @@ def fit_correlation(sums: ScoreProducts) -> ScoreCorrelation:
         np.concatenate([[0.0], along]),
         np.concatenate([[0.0], vertical]),
     )
-
-
-def block_products(block: Block, likelihood: FlowLikelihood) -> ScoreProducts:
-    """Sums over a block of image pairs, 1200 random vectors of each, where an estimator takes them."""
-    method = flow_method(likelihood.method or {})
-    signals = likelihood.schedule.index.signals
-    sums = ScoreProducts.empty()
-    for k in block.firsts:
-        rng = np.random.default_rng([block.seed, k])
-        pixels = _pixels(block, k, method, rng)
-        e = pair_errors(block.sequence, k, method, likelihood.texture, pixels, signals)
-        sums = sums.merge(ScoreProducts.of(likelihood, e.measurements, e.z))
-    return sums
-
-
-def measure_correlation(
-    blocks: Seq[Block], likelihood: FlowLikelihood, map: Callable[..., Iterable[ScoreProducts]] = map
-) -> ScoreCorrelation:
-    """Correlation of a likelihood's scores on blocks of image pairs, through any `map`."""
-    if not blocks:
-        raise CalibrationError("no image pairs to take the correlation of scores from")
-    sums = map(block_products, blocks, [likelihood] * len(blocks))
-    return fit_correlation(reduce(ScoreProducts.merge, sums))
-
-
-def _pixels(block: Block, k: int, method: FlowMethod, rng: np.random.Generator) -> Array:
-    image = block.sequence.image(k)
-    if isinstance(method, DenseFlow):
-        pixels = stratified_pixels(image.shape, 4000, rng)
-    else:
-        pixels = detect_corners(image)
-    return pixels[rng.permutation(len(pixels))[:VECTORS]]

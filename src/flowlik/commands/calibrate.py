@@ -15,11 +15,14 @@ from flowlik.calibration import (
     Task,
     bootstrap,
     check_schedule,
+    executor,
     gather,
     index_form,
     merge_all,
     schedule_index,
     split_blocks,
+    spread_pairs,
+    with_shared_errors,
 )
 from flowlik.calibration import (
     calibrate as fit_likelihood,
@@ -40,6 +43,7 @@ from flowlik.runs import RunFolder
 from flowlik.schedule import Index
 
 BAND_REPLICATES = 12
+SHARED_PAIRS = 60
 BEST_FAMILY, BEST_SCHEDULE = "glc", "index"
 
 
@@ -140,6 +144,12 @@ def calibrate(
         rng, smoothing = np.random.default_rng(seed), chosen.goodness["fit"]["smoothing"]
         bands = bootstrap(blocks_of_chosen, chosen.family, chosen.schedule, rng, BAND_REPLICATES, smoothing)
     run.save("table", label, evidence.table(merge_all(blocks_of_chosen), chosen, bands))
+    spread = [b for s in sequences for b in spread_pairs(s, max(2, SHARED_PAIRS // len(sequences)), seed)]
+    with executor(execution.executor, execution.workers, execution.scheduler) as block_map:
+        chosen = with_shared_errors(
+            spread, chosen, flow,
+            lambda work, *items: progress(block_map(work, *items), "what errors share", len(spread)),
+        )  # fmt: skip
     save_likelihood(with_goodness(chosen, run.records), run.path / "models" / f"{label}.json")
     run.finish()
     return run

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from flowlik.calibration import (
     SMOOTHING_NAT,
+    Block,
     ErrorSketch,
     Task,
     gather,
@@ -15,6 +16,8 @@ from flowlik.calibration import (
     schedule_index,
     sketch_blocks,
     split_blocks,
+    spread_pairs,
+    with_shared_errors,
 )
 from flowlik.camera import Pinhole
 from flowlik.commands.calibrate import BEST_FAMILY, add_evidence, fit_families, with_goodness
@@ -28,6 +31,9 @@ from flowlik.model_file import save_likelihood
 from flowlik.progress import Progress, no_progress
 from flowlik.runs import RunFolder
 from flowlik.schedule import Index
+
+SHARED_PAIRS = 5
+"""Of every calibration flight, for what errors share."""
 
 
 def reproduce(
@@ -63,7 +69,13 @@ def reproduce(
             sketches[method.name].append(blocks)
     models = {}
     for method in progress(iter(methods), "fits", len(methods)):
-        models[method.name] = _calibrate(run, plan, method, sketches[method.name])
+        spread = [
+            block
+            for flight in plan.calibration
+            if method.name in flight.methods
+            for block in spread_pairs(flight_sequence(run, plan, flight, camera), SHARED_PAIRS, flight.seed)
+        ]
+        models[method.name] = _calibrate(run, plan, method, sketches[method.name], spread)
 
     for flight in plan.held_out:
         indices = [(Index(), models[method.name]["index"].schedule.index) for method in methods]
@@ -87,7 +99,11 @@ def _sketch(
 
 
 def _calibrate(
-    run: RunFolder, plan: Plan, method: FlowMethod, flights: list[list[ErrorSketch]]
+    run: RunFolder,
+    plan: Plan,
+    method: FlowMethod,
+    flights: list[list[ErrorSketch]],
+    spread: list[Block],
 ) -> dict[str, FlowLikelihood]:
     """Likelihoods of every family over texture, by family, and ``"index"``: the best over a learned index."""
     blocks = [block for flight in flights for block in flight]
@@ -104,10 +120,12 @@ def _calibrate(
     over = [block.over(index) for block in blocks]
     best = fit_families(over, method, provenance, (BEST_FAMILY,), SMOOTHING_NAT)
     _add_evidence(run, over, best, dataset, method, plan, "calibration")
+    used = {"index": best[BEST_FAMILY], "lcm": models["lcm"]}
+    used = {name: with_shared_errors(spread, model, method) for name, model in used.items()}
     folder = run.path / "models"
-    save_likelihood(with_goodness(best[BEST_FAMILY], run.records), folder / f"{method.name}.json")
-    save_likelihood(with_goodness(models["lcm"], run.records), folder / f"{method.name}-lcm.json")
-    return {**models, "index": best[BEST_FAMILY]}
+    save_likelihood(with_goodness(used["index"], run.records), folder / f"{method.name}.json")
+    save_likelihood(with_goodness(used["lcm"], run.records), folder / f"{method.name}-lcm.json")
+    return {**models, **used}
 
 
 def _evaluate(

@@ -91,7 +91,7 @@ def score_covariance(
     J : array (C, 6)
         Jacobian of the components.
     fisher : array (C,)
-        Information of each component [1/px^2]; 0 leaves it out.
+        Variance of each component's score [1/px^2], its information; 0 leaves it out.
     correlation : ScoreCorrelation
         Of the likelihood.
     """

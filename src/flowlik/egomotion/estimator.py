@@ -184,17 +184,19 @@ class Estimator:
 
         The inliers of a cut likelihood move with the motion, so that every component counts with the
         information of a score cut off at its bound; RANSAC's inliers count as least squares has them.
-        Without a correlation of scores B is A, the plain product's.
+        Without a correlation of scores B is that of independent ones.
         """
         _, J = residual.linearise(T)
         x = residual.coordinates(T, self.likelihood.schedule.index)
         cut = None if self.refine_all or self.radius_px is not None else self.confidence
         counting = used if self.radius_px is None else self._inliers(residual, T, used)
         fisher = np.where(counting, self.likelihood.fisher(x, cut), 0.0)
-        A = J.T @ (fisher[:, None] * J)
+        weight = self.likelihood.composite_weight(x)
+        A = J.T @ ((weight * fisher)[:, None] * J)
+        variance = weight**2 * fisher
         if (correlation := self.likelihood.correlation) is None:
-            return A, A
-        return A, score_covariance(residual.measurements, residual.directions(T), J, fisher, correlation)
+            return A, J.T @ (variance[:, None] * J)
+        return A, score_covariance(residual.measurements, residual.directions(T), J, variance, correlation)
 
     def _sensitivity(
         self, residual: Residual, T: Array, used: NDArray[np.bool_], A: Array, B: Array
@@ -203,8 +205,8 @@ class Estimator:
         basis = residual.basis(T)
         if self.likelihood.correlation is None or conditioned(basis, A)[0] is not Status.SOLVED:
             return A
-        x, tables = residual.coordinates(T, self.likelihood.schedule.index), self.likelihood.compiled
-        held = Chosen(used, tables.rows(x), self.likelihood.fisher(x), tables)
+        x = residual.coordinates(T, self.likelihood.schedule.index)
+        held = Chosen.of(self.likelihood, x, used)
         bounds = np.full(len(x), np.inf) if self.refine_all else self._bound(x)
 
         def gradient(step: Array) -> Array:

@@ -38,7 +38,7 @@ def maximise(
     Parameters
     ----------
     residual, likelihood : Residual, FlowLikelihood
-        Errors and their density.
+        Errors and their density, weighted by `FlowLikelihood.composite_weight`.
     T : array (3, 4)
         Motion to start from.
     chosen : bool array (C,)
@@ -55,8 +55,7 @@ def maximise(
     array (3, 4), float
         Motion, and the log-density there [nat].
     """
-    x, tables = residual.coordinates(T, likelihood.schedule.index), likelihood.compiled
-    held = Chosen(chosen, tables.rows(x), likelihood.fisher(x), tables)
+    held = Chosen.of(likelihood, residual.coordinates(T, likelihood.schedule.index), chosen)
 
     def equations(T: Array) -> tuple[Array, Array, float]:
         H, b, log_prob, lost = residual.equations(T, held, widened)

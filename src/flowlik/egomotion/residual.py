@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.camera import Array
+from flowlik.likelihood import FlowLikelihood
 from flowlik.measurements import Measurements
 from flowlik.schedule import Index
 from flowlik.tables import LikelihoodTables, normal_equations
@@ -24,13 +25,19 @@ class Chosen(NamedTuple):
     """Components of a maximisation and what the likelihood says of them, their coordinates held.
 
     ``used`` (C,) tells which enter; ``rows`` (C,) are their rows in the tables, ``fisher`` (C,) [1/px^2]
-    their information.
+    their information, both times the composite weight.
     """
 
     used: NDArray[np.bool_]
     rows: Array
     fisher: Array
     tables: LikelihoodTables
+
+    @classmethod
+    def of(cls, likelihood: FlowLikelihood, x: Array, used: NDArray[np.bool_]) -> Chosen:
+        """Components at coordinates x (C,) of which some are used."""
+        tables = likelihood.composite
+        return cls(used, tables.rows(x), likelihood.fisher(x) * likelihood.composite_weight(x), tables)
 
 
 class Equations(NamedTuple):

@@ -79,10 +79,8 @@ def difference_covariance(
     for residual, motion, sign in zip(halves_, motions, (1.0, -1.0)):
         T = motion.T_k_prev.as_matrix()[:3]
         _, normal, J = residual.linearise_with_normal(T)
-        fisher, basis = (
-            likelihood.fisher(residual.coordinates(T, likelihood.schedule.index)),
-            residual.basis(T),
-        )
+        x, basis = residual.coordinates(T, likelihood.schedule.index), residual.basis(T)
+        fisher = likelihood.fisher(x) * likelihood.composite_weight(x) ** 2
         assert motion.sensitivity is not None
         effects.append(sign * J @ basis @ np.linalg.inv(basis.T @ motion.sensitivity @ basis) @ basis.T)
         fishers.append(fisher)

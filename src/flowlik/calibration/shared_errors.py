@@ -1,0 +1,113 @@
+"""What errors of one image pair share: the correlation of scores, and the emphasis that this asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from collections.abc import Sequence as Seq
+from dataclasses import replace
+from functools import reduce
+
+import numpy as np
+
+from flowlik.calibration.correlation import ScoreProducts, fit_correlation
+from flowlik.calibration.pairs import PairErrors, pair_errors
+from flowlik.calibration.run import Block
+from flowlik.camera import Array
+from flowlik.datasets.base import Sequence
+from flowlik.errors import CalibrationError
+from flowlik.families import LaplaceCauchy
+from flowlik.flow import LucasKanade
+from flowlik.flow.base import FlowMethod
+from flowlik.flow.lucas_kanade import detect_corners
+from flowlik.likelihood import FlowLikelihood
+from flowlik.measurements import Measurements, stratified_pixels
+
+VECTORS = 1200
+EMPHASES = np.arange(21) / 10
+LEAST_PX = 1e-9
+FEWEST = 20
+"""Vectors of an image pair of which nothing is said below."""
+
+Shared = tuple[ScoreProducts, list[Array]]
+
+
+def with_shared_errors(
+    blocks: Seq[Block],
+    likelihood: FlowLikelihood,
+    method: FlowMethod,
+    map: Callable[..., Iterable[Shared]] = map,
+) -> FlowLikelihood:
+    """Likelihood that knows what errors of its flow method share, measured on blocks of image pairs.
+
+    It goes through any `map` that keeps the order. The emphasis is that with the least error of an affine
+    motion field, whose logarithm is averaged over the pairs: cameras' motions move images smoothly, and this
+    needs their flow alone. In the paper's likelihood, Laplace-Cauchy over texture, components count by
+    their information alone.
+
+    Raises
+    ------
+    CalibrationError
+        If there are no pairs of flow vectors.
+    """
+    found = list(map(_of_block, blocks, [likelihood] * len(blocks), [method] * len(blocks)))
+    if not found:
+        raise CalibrationError("no image pairs to take the correlation of scores from")
+    correlation = fit_correlation(reduce(ScoreProducts.merge, (products for products, _ in found)))
+    fields = [errors for _, of_block in found for errors in of_block]
+    paper = likelihood.family.name == LaplaceCauchy.name and likelihood.schedule.name == "texture"
+    emphasis = 0.0 if paper else float(EMPHASES[np.argmin(np.log(fields).mean(axis=0))])
+    return replace(likelihood, correlation=correlation, emphasis=emphasis)
+
+
+def field_errors(likelihood: FlowLikelihood, m: Measurements, z: Array) -> Array:
+    """Errors (E,) [px] of the affine motion field, at each of `EMPHASES`, where the true field is zero.
+
+    One step of scoring from the truth, over errors z (N, 2) [px] in the eigenbasis; the field's RMS at the
+    vectors.
+    """
+    x = likelihood.coordinate(m)
+    score, fisher = -likelihood.score(z, x).ravel(), likelihood.fisher(x).ravel()
+    centred = m.pixels - m.pixels.mean(axis=0)
+    terms = np.column_stack([np.ones(len(m)), centred / np.abs(centred).max()])
+    directions = np.swapaxes(m.R_i_e, 1, 2)
+    J = np.einsum("nci,nk->ncik", directions, terms).reshape(len(fisher), -1)
+    errors = []
+    for emphasis in EMPHASES:
+        weight = (fisher / fisher.max()) ** emphasis
+        step, *_ = np.linalg.lstsq(
+            J.T @ ((weight * fisher)[:, None] * J), J.T @ (weight * score), rcond=1e-12
+        )
+        field = terms @ step.reshape(2, -1).T
+        errors.append(np.sqrt((field**2).sum(axis=1).mean()))
+    return np.maximum(errors, LEAST_PX)
+
+
+def spread_pairs(sequence: Sequence, most: int, seed: int) -> list[Block]:
+    """At most so many pairs of a sequence, evenly spread, a block each."""
+    count = len(sequence) - 1
+    firsts = np.unique(np.linspace(0, count - 1, max(min(most, count), 0)).astype(int))
+    return [Block(sequence, range(k, k + 1), seed) for k in firsts.tolist()]
+
+
+def _of_block(block: Block, likelihood: FlowLikelihood, method: FlowMethod) -> Shared:
+    """Products of scores, and field errors, of 1200 random vectors of each pair."""
+    products, fields = ScoreProducts.empty(), []
+    for k in block.firsts:
+        e = _errors_where_estimated(block, k, likelihood, method)
+        if len(e.z) >= FEWEST:
+            products = products.merge(ScoreProducts.of(likelihood, e.measurements, e.z))
+            fields.append(field_errors(likelihood, e.measurements, e.z))
+    return products, fields
+
+
+def _errors_where_estimated(
+    block: Block, k: int, likelihood: FlowLikelihood, method: FlowMethod
+) -> PairErrors:
+    """Errors of a pair at some of the pixels where an estimator takes its vectors."""
+    rng = np.random.default_rng([block.seed, k])
+    image = block.sequence.image(k)
+    sparse = isinstance(method, LucasKanade)
+    pixels = detect_corners(image) if sparse else stratified_pixels(image.shape, 4000, rng)
+    chosen = pixels[rng.permutation(len(pixels))[:VECTORS]]
+    signals = likelihood.schedule.index.signals
+    return pair_errors(block.sequence, k, method, likelihood.texture, chosen, signals)

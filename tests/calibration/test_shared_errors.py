@@ -1,0 +1,118 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flowlik.calibration.run import split_blocks
+from flowlik.calibration.shared_errors import EMPHASES, field_errors, spread_pairs, with_shared_errors
+from flowlik.camera import Pinhole
+from flowlik.errors import CalibrationError, ModelError
+from flowlik.families import Gaussian, LaplaceCauchy
+from flowlik.flow import LucasKanade, describe
+from flowlik.likelihood import FlowLikelihood
+from flowlik.measurements import Measurements
+from flowlik.model_file import load_likelihood, save_likelihood
+from flowlik.schedule import Schedule
+from flowlik.simulation import simulate
+from flowlik.texture import TextureDefinition
+
+METHOD = LucasKanade()
+KNOTS = np.log([1.0, 10000.0])
+# sigma from 1 px at texture 1 to 0.02 px at 10 000
+MODEL = FlowLikelihood(
+    Gaussian(), Schedule(load_likelihood("lucas-kanade-lcm").schedule.index, KNOTS, np.array([[1.0, 0.02]])),
+    method=describe(METHOD),
+)  # fmt: skip
+
+
+def vectors(rng: np.random.Generator, n: int = 600) -> Measurements:
+    angle = rng.uniform(0, np.pi, n)
+    R = np.stack([np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)], axis=-1).reshape(n, 2, 2)
+    t = -np.sort(-np.exp(rng.uniform(*KNOTS, (n, 2))), axis=1)
+    pixels = rng.uniform(0, [640, 360], (n, 2))
+    return Measurements(pixels, np.ones((n, 2)), R, t, TextureDefinition(), describe(METHOD))
+
+
+def emphasis_of(shared: float, pairs: int = 60) -> float:
+    """Emphasis with the least field error where a share of every error is one draw an image."""
+    rng = np.random.default_rng(0)
+    logs = []
+    for _ in range(pairs):
+        m = vectors(rng)
+        x = MODEL.coordinate(m)
+        sigma = 1 / np.sqrt(MODEL.fisher(x))
+        together = np.einsum("nij,i->nj", m.R_i_e, rng.normal(size=2))
+        z = sigma * (np.sqrt(1 - shared) * rng.normal(size=sigma.shape) + np.sqrt(shared) * together)
+        logs.append(np.log(field_errors(MODEL, m, z)))
+    return float(EMPHASES[np.argmin(np.mean(logs, axis=0))])
+
+
+def test_independent_errors_count_by_their_information():
+    assert emphasis_of(0.0) <= 0.1
+
+
+def test_errors_shared_in_proportion_to_their_width_ask_for_emphasis():
+    assert emphasis_of(0.05) >= 0.3
+
+
+def test_field_errors_are_those_of_weighted_least_squares():
+    """The plain product's, against numpy's least squares on whitened equations."""
+    rng = np.random.default_rng(1)
+    m = vectors(rng)
+    sigma = 1 / np.sqrt(MODEL.fisher(MODEL.coordinate(m)))
+    z = sigma * rng.normal(size=sigma.shape)
+    rows, rhs = [], []
+    for i in range(len(m)):
+        for c in range(2):
+            e = m.R_i_e[i, :, c] / sigma[i, c]
+            rows.append(np.outer(e, [1.0, *m.pixels[i]]).ravel())
+            rhs.append(z[i, c] / sigma[i, c])
+    found = np.linalg.lstsq(np.array(rows), np.array(rhs), rcond=None)[0].reshape(2, 3)
+    field = np.column_stack([np.ones(len(m)), m.pixels]) @ found.T
+    expected = np.sqrt((field**2).sum(axis=1).mean())
+    assert field_errors(MODEL, m, z)[0] == pytest.approx(expected, rel=1e-2)
+
+
+def test_a_calibrated_model_knows_what_errors_share_and_its_file_keeps_it(tmp_path):
+    flight = simulate("planes", "training", 6, 6.0, 1, Pinhole.from_fov(160, 120, 90.0))
+    blocks = spread_pairs(flight, 3, seed=1)
+    assert [list(block.firsts) for block in blocks] == [[0], [2], [4]]
+    found = with_shared_errors(blocks, MODEL, METHOD)
+    assert found.emphasis in EMPHASES
+    assert found.correlation is not None
+    save_likelihood(found, tmp_path / "model.json")
+    again = load_likelihood(tmp_path / "model.json")
+    assert again.emphasis == found.emphasis
+    x = np.linspace(*KNOTS, 5)
+    np.testing.assert_allclose(again.composite_weight(x), found.composite_weight(x))
+
+
+def test_the_papers_likelihood_keeps_its_product():
+    flight = simulate("planes", "training", 3, 6.0, 1, Pinhole.from_fov(160, 120, 90.0))
+    paper = load_likelihood("lucas-kanade-lcm")
+    assert isinstance(paper.family, LaplaceCauchy)
+    found = with_shared_errors(split_blocks(flight, seed=1), paper, METHOD)
+    assert found.emphasis == 0.0
+
+
+def test_a_composite_weight_is_a_power_of_the_information():
+    model = replace(MODEL, emphasis=0.5)
+    x = np.linspace(*KNOTS, 7)
+    f = MODEL.fisher(x)
+    np.testing.assert_allclose(model.composite_weight(x), np.sqrt(f / f.max()), rtol=1e-12)
+    np.testing.assert_array_equal(MODEL.composite_weight(x), 1.0)
+    nodes = model.compiled.x
+    weight = model.composite_weight(nodes)[:, None]
+    np.testing.assert_allclose(model.composite.weight, weight * model.compiled.weight, rtol=1e-6)
+    np.testing.assert_allclose(model.composite.log_prob, weight * model.compiled.log_prob, rtol=1e-6)
+
+
+@pytest.mark.parametrize("emphasis", [-0.1, 3.5, np.nan])
+def test_an_emphasis_out_of_range_is_refused(emphasis):
+    with pytest.raises(ModelError, match="emphasis"):
+        replace(MODEL, emphasis=emphasis)
+
+
+def test_without_pairs_there_is_nothing_to_measure():
+    with pytest.raises(CalibrationError, match="no image pairs"):
+        with_shared_errors([], MODEL, METHOD)
