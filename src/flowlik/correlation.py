@@ -57,12 +57,8 @@ class ScoreCorrelation:
 
     def scaled(self, factor: float) -> ScoreCorrelation:
         """Correlation whose weights are all multiplied by a factor: the scores' variance, no longer 1."""
-        return replace(
-            self,
-            isotropic=factor * self.isotropic,
-            along=factor * self.along,
-            vertical=factor * self.vertical,
-        )
+        weights = (factor * kind for kind in (self.isotropic, self.along, self.vertical))
+        return ScoreCorrelation(self.scales_px, *weights)
 
     def values(self) -> dict[str, list[float]]:
         """Plain JSON values, as `of_values` takes them."""
