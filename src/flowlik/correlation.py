@@ -55,11 +55,6 @@ class ScoreCorrelation:
         basis = shapes(distance_px, self.scales_px)
         return np.stack([basis @ self.isotropic, basis @ self.along, basis @ self.vertical])
 
-    def scaled(self, factor: float) -> ScoreCorrelation:
-        """Correlation whose weights are all multiplied by a factor: the scores' variance, no longer 1."""
-        weights = (factor * kind for kind in (self.isotropic, self.along, self.vertical))
-        return ScoreCorrelation(self.scales_px, *weights)
-
     def values(self) -> dict[str, list[float]]:
         """Plain JSON values, as `of_values` takes them."""
         arrays = (self.scales_px, self.isotropic, self.along, self.vertical)

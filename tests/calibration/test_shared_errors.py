@@ -7,12 +7,10 @@ from flowlik.calibration.run import split_blocks
 from flowlik.calibration.shared_errors import (
     EMPHASES,
     field_errors,
-    field_variance,
     spread_pairs,
     with_shared_errors,
 )
 from flowlik.camera import Pinhole
-from flowlik.correlation import SCALES_PX, ScoreCorrelation
 from flowlik.errors import CalibrationError, ModelError
 from flowlik.families import Gaussian, LaplaceCauchy
 from flowlik.flow import LucasKanade, describe
@@ -78,22 +76,6 @@ def test_field_errors_are_those_of_weighted_least_squares():
     field = np.column_stack([np.ones(len(m)), m.pixels]) @ found.T
     expected = np.sqrt((field**2).sum(axis=1).mean())
     assert field_errors(MODEL, m, z)[0] == pytest.approx(expected, rel=1e-2)
-
-
-def test_field_variance_is_one_where_errors_are_as_the_correlation_says():
-    rng = np.random.default_rng(2)
-    own = np.array([1.0, *np.zeros(len(SCALES_PX) + 1)])
-    model = replace(MODEL, correlation=ScoreCorrelation(np.array(SCALES_PX), own, 0 * own, 0 * own))
-    ratios, wider = [], []
-    for _ in range(200):
-        m = vectors(rng, 200)
-        sigma = 1 / np.sqrt(MODEL.fisher(MODEL.coordinate(m)))
-        z = sigma * rng.normal(size=sigma.shape)
-        ratios.append(field_variance(model, m, z))
-        wider.append(field_variance(replace(model, correlation=model.correlation.scaled(4.0)), m, z))
-    # of standard deviation sqrt(2 / 6 / 200)
-    assert np.mean(ratios) == pytest.approx(1.0, abs=0.16)
-    np.testing.assert_allclose(wider, np.array(ratios) / 4)
 
 
 def test_a_calibrated_model_knows_what_errors_share_and_its_file_keeps_it(tmp_path):

@@ -14,7 +14,6 @@ from flowlik.calibration.pairs import PairErrors, pair_errors
 from flowlik.calibration.run import Block
 from flowlik.camera import Array
 from flowlik.datasets.base import Sequence
-from flowlik.egomotion.covariance import score_covariance
 from flowlik.errors import CalibrationError
 from flowlik.families import LaplaceCauchy
 from flowlik.flow import LucasKanade
@@ -41,11 +40,10 @@ def with_shared_errors(
 ) -> FlowLikelihood:
     """Likelihood that knows what errors of its flow method share, measured on blocks of image pairs.
 
-    It goes through any `map` that keeps the order. All is settled on affine motion fields estimated from the
-    errors, whose true field is zero: cameras' motions move images smoothly, and this needs their flow alone.
-    The emphasis is that with the least field error, whose logarithm is averaged over the pairs; the
-    correlation is scaled so that fields are as uncertain as it says. In the paper's likelihood,
-    Laplace-Cauchy over texture, components count by their information alone.
+    It goes through any `map` that keeps the order. The emphasis is that with the least error of an affine
+    motion field, whose logarithm is averaged over the pairs: cameras' motions move images smoothly, and this
+    needs their flow alone. In the paper's likelihood, Laplace-Cauchy over texture, components count by
+    their information alone.
 
     Raises
     ------
@@ -62,9 +60,7 @@ def with_shared_errors(
     paper = likelihood.family.name == LaplaceCauchy.name and likelihood.schedule.name == "texture"
     logs = [np.log(field_errors(likelihood, m, z)) for m, z in pairs]
     emphasis = 0.0 if paper else float(EMPHASES[np.argmin(np.mean(logs, axis=0))])
-    likelihood = replace(likelihood, correlation=correlation, emphasis=emphasis)
-    variance = float(np.mean([field_variance(likelihood, m, z) for m, z in pairs]))
-    return replace(likelihood, correlation=correlation.scaled(variance))
+    return replace(likelihood, correlation=correlation, emphasis=emphasis)
 
 
 def field_errors(likelihood: FlowLikelihood, m: Measurements, z: Array) -> Array:
@@ -83,20 +79,6 @@ def field_errors(likelihood: FlowLikelihood, m: Measurements, z: Array) -> Array
         field = terms @ step.reshape(2, -1).T
         errors.append(np.sqrt((field**2).sum(axis=1).mean()))
     return np.maximum(errors, LEAST_PX)
-
-
-def field_variance(likelihood: FlowLikelihood, m: Measurements, z: Array) -> float:
-    """Square of an affine field's score where the true field is zero, in units of its predicted variance.
-
-    1 on average if the likelihood's correlation holds; z as in `field_errors`.
-    """
-    score, fisher, _, J = _affine(likelihood, m, z)
-    weight = likelihood.composite_weight(likelihood.coordinate(m)).ravel()
-    assert likelihood.correlation is not None
-    directions = np.swapaxes(m.R_i_e, 1, 2).reshape(-1, 2)
-    B = score_covariance(m, directions, J, weight**2 * fisher, likelihood.correlation)
-    total = J.T @ (weight * score)
-    return float(total @ np.linalg.lstsq(B, total, rcond=1e-12)[0]) / len(B)
 
 
 def _affine(likelihood: FlowLikelihood, m: Measurements, z: Array) -> tuple[Array, Array, Array, Array]:
