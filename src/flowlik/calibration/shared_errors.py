@@ -69,7 +69,11 @@ def field_errors(likelihood: FlowLikelihood, m: Measurements, z: Array) -> Array
     One step of scoring from the truth, over errors z (N, 2) [px] in the eigenbasis; the field's RMS at the
     vectors.
     """
-    score, fisher, terms, J = _affine(likelihood, m, z)
+    x = likelihood.coordinate(m)
+    score, fisher = -likelihood.score(z, x).ravel(), likelihood.fisher(x).ravel()
+    centred = m.pixels - m.pixels.mean(axis=0)
+    terms = np.column_stack([np.ones(len(m)), centred / max(np.abs(centred).max(), 1.0)])
+    J = np.einsum("nci,nk->ncik", np.swapaxes(m.R_i_e, 1, 2), terms).reshape(x.size, -1)
     errors = []
     for emphasis in EMPHASES:
         weight = (fisher / fisher.max()) ** emphasis
@@ -79,15 +83,6 @@ def field_errors(likelihood: FlowLikelihood, m: Measurements, z: Array) -> Array
         field = terms @ step.reshape(2, -1).T
         errors.append(np.sqrt((field**2).sum(axis=1).mean()))
     return np.maximum(errors, LEAST_PX)
-
-
-def _affine(likelihood: FlowLikelihood, m: Measurements, z: Array) -> tuple[Array, Array, Array, Array]:
-    """Scores (C,), information (C,), terms (N, 3) of an affine field, and the components' Jacobian (C, 6)."""
-    x = likelihood.coordinate(m)
-    centred = m.pixels - m.pixels.mean(axis=0)
-    terms = np.column_stack([np.ones(len(m)), centred / max(np.abs(centred).max(), 1.0)])
-    J = np.einsum("nci,nk->ncik", np.swapaxes(m.R_i_e, 1, 2), terms).reshape(x.size, -1)
-    return -likelihood.score(z, x).ravel(), likelihood.fisher(x).ravel(), terms, J
 
 
 def spread_pairs(sequence: Sequence, most: int, seed: int) -> list[Block]:
