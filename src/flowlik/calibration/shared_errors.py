@@ -26,7 +26,7 @@ VECTORS = 1200
 EMPHASES = np.arange(21) / 10
 LEAST_PX = 1e-9
 FEWEST = 20
-"""Vectors of an image pair of which nothing is said below."""
+"""Vectors of an image pair, and pairs for an emphasis: fewer say nothing."""
 
 Pairs = list[tuple[Measurements, Array]]
 """Measurements and errors z (N, 2) [px] of image pairs."""
@@ -42,8 +42,8 @@ def with_shared_errors(
 
     It goes through any `map` that keeps the order. The emphasis is that with the least error of an affine
     motion field, whose logarithm is averaged over the pairs: cameras' motions move images smoothly, and this
-    needs their flow alone. In the paper's likelihood, Laplace-Cauchy over texture, components count by
-    their information alone.
+    needs their flow alone. Fewer than 20 pairs ask for none; in the paper's likelihood, Laplace-Cauchy over
+    texture, components count by their information alone.
 
     Raises
     ------
@@ -57,9 +57,11 @@ def with_shared_errors(
     correlation = fit_correlation(
         reduce(ScoreProducts.merge, (ScoreProducts.of(likelihood, m, z) for m, z in pairs))
     )
+    emphasis = 0.0
     paper = likelihood.family.name == LaplaceCauchy.name and likelihood.schedule.name == "texture"
-    logs = [np.log(field_errors(likelihood, m, z)) for m, z in pairs]
-    emphasis = 0.0 if paper else float(EMPHASES[np.argmin(np.mean(logs, axis=0))])
+    if not paper and len(pairs) >= FEWEST:
+        logs = [np.log(field_errors(likelihood, m, z)) for m, z in pairs]
+        emphasis = float(EMPHASES[np.argmin(np.mean(logs, axis=0))])
     return replace(likelihood, correlation=correlation, emphasis=emphasis)
 
 
