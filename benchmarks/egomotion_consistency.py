@@ -78,7 +78,8 @@ def _of_flight(
     print(f"\n{everyone.method}, {flight.name}, {len(true)} pairs: median errors, mm and 0.001 deg")
     for name in everyone.names:
         motions = [of_pair[name] for of_pair in found]
-        poses = [m.T_k_prev if isinstance(m, EgoMotion) else m or RigidTransform.identity() for m in motions]
+        poses = [m.T_k_prev if isinstance(m, EgoMotion) else m for m in motions]
+        poses = [RigidTransform.identity() if T is None else T for T in poses]
         errors = [T * t.inv() for T, t in zip(poses, true)]
         trans = float(np.median([np.linalg.norm(T.translation - t.translation) for T, t in zip(poses, true)]))
         rot = float(np.median([np.degrees(e.rotation.magnitude()) for e in errors]))

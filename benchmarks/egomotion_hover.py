@@ -27,11 +27,8 @@ def hover(run: RunFolder, cache: Path, methods: tuple[str, ...], frames: int, pr
     timestamps = np.array([sequence.timestamp(k) for k in range(frames)])
     for method in methods:
         everyone = variants(method, cache)
-        found: dict[str, list] = {name: [] for name in everyone.names}
         pairs = residuals(sequence, method, list(range(frames - 1)))
-        for k, (residual, _, _) in enumerate(progress(pairs, f"{method} hovering", frames - 1)):
-            for name, motion in everyone.motions(residual, k).items():
-                found[name].append(motion)
+        found = everyone.motions_over(progress(pairs, f"{method} hovering", frames - 1))
         positions, unsolved = [], []
         print(f"\nhovering before little texture, {method}: distance from the start [mm]")
         for name, motions in found.items():

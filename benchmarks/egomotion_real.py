@@ -30,11 +30,8 @@ def real_part(data: Path, cache: Path, methods: tuple[str, ...], progress: Progr
         assert truth is not None
         for method in methods:
             everyone = variants(method, cache)
-            motions: dict[str, list] = {n: [] for n in everyone.names}
             pairs = residuals(sequence, method, list(range(count - 1)))
-            for k, (residual, _, _) in enumerate(progress(pairs, f"{method} on {name}", count - 1)):
-                for n, motion in everyone.motions(residual, k).items():
-                    motions[n].append(motion)
+            motions = everyone.motions_over(progress(pairs, f"{method} on {name}", count - 1))
             print(f"\n{name} ({count - 1} pairs, {worth} truth), {method}: median error [interval]")
             for n in everyone.names:
                 records += _of(_flown(motions[n], truth), name, method, n, worth)

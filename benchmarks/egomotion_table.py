@@ -82,12 +82,9 @@ def fly(sequence: Exposed, everyone: Variants, progress: Progress) -> tuple[Traj
     """Truth, and everyone's trajectory; frames that could not be solved are predicted."""
     truth = true_trajectory(sequence, len(sequence))
     assert truth is not None
-    found: dict[str, list[EgoMotion | RigidTransform | None]] = {name: [] for name in everyone.names}
     pairs = residuals(sequence, everyone.method, list(range(len(sequence) - 1)), 10_000 * sequence.seed)
     what = f"{everyone.method} on {sequence.name}, sensor {sequence.seed}"
-    for k, (residual, _, _) in enumerate(progress(pairs, what, len(sequence) - 1)):
-        for name, motion in everyone.motions(residual, seed=sequence.seed + k).items():
-            found[name].append(motion)
+    found = everyone.motions_over(progress(pairs, what, len(sequence) - 1), sequence.seed)
     return truth, {name: _flown(motions, truth) for name, motions in found.items()}
 
 

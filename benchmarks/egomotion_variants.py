@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
@@ -58,6 +58,16 @@ class Variants:
             e.name: e.estimate(residual, seed) for e in self.ours
         }
         return {**found, **{name: rival(residual) for name, rival in self.rivals.items()}}
+
+    def motions_over(
+        self, pairs: Iterable[tuple[KnownDepth, RigidTransform, float]], seed: int = 0
+    ) -> dict[str, list[EgoMotion | RigidTransform | None]]:
+        """Everyone's motions over the pairs of `residuals`, by name."""
+        found: dict[str, list[EgoMotion | RigidTransform | None]] = {name: [] for name in self.names}
+        for k, (residual, _, _) in enumerate(pairs):
+            for name, motion in self.motions(residual, seed + k).items():
+                found[name].append(motion)
+        return found
 
 
 def variants(method: str, cache: Path) -> Variants:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -47,12 +48,11 @@ onload = () => setTimeout(() => {
 </script></body>"""
 
 
-def browser() -> str:
-    """Path of a Chromium."""
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
-        sys.exit("no Chromium found; install one, such as the package chromium")
-    return found
+def browser() -> str | None:
+    """Path of a Chromium: installed, or in Playwright's cache."""
+    cache = Path(os.environ.get("PLAYWRIGHT_BROWSERS_PATH", Path.home() / ".cache" / "ms-playwright"))
+    cached = sorted(cache.glob("chromium-*/chrome-linux*/chrome"), reverse=True)
+    return next(filter(None, [*map(shutil.which, BROWSERS), *map(str, cached)]), None)
 
 
 def shown(program: str, page: Path, width: int, dark: bool, *more: str) -> subprocess.CompletedProcess[str]:
@@ -66,9 +66,9 @@ def shown(program: str, page: Path, width: int, dark: bool, *more: str) -> subpr
     return subprocess.run([*words, *more, page.as_uri()], capture_output=True, text=True, timeout=300)
 
 
-def check(page: Path, out: Path | None) -> list[str]:
-    """What is wrong with a page, one line each."""
-    program, wrong = browser(), []
+def check(program: str, page: Path, out: Path | None = None) -> list[str]:
+    """What is wrong with a page in a browser, one line each."""
+    wrong = []
     with tempfile.TemporaryDirectory() as folder:
         # a page without the folder it came from must show the same
         alone = Path(folder) / "alone.html"
@@ -106,8 +106,10 @@ def main() -> int:
     parser.add_argument("run", type=Path)
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
+    if (program := browser()) is None:
+        sys.exit("no Chromium found; install one, such as the package chromium")
     page = options.run / "report.html" if options.run.is_dir() else options.run
-    wrong = check(page.resolve(), options.out)
+    wrong = check(program, page.resolve(), options.out)
     print(*wrong, sep="\n")
     return 1 if wrong else 0
 

@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from flowlik.calibration.run import split_blocks
-from flowlik.calibration.shared_errors import EMPHASES, field_errors, spread_pairs, with_shared_errors
+from flowlik.calibration.shared_errors import (
+    EMPHASES,
+    field_errors,
+    spread_pairs,
+    with_shared_errors,
+)
 from flowlik.camera import Pinhole
 from flowlik.errors import CalibrationError, ModelError
 from flowlik.families import Gaussian, LaplaceCauchy
@@ -77,8 +82,10 @@ def test_a_calibrated_model_knows_what_errors_share_and_its_file_keeps_it(tmp_pa
     flight = simulate("planes", "training", 6, 6.0, 1, Pinhole.from_fov(160, 120, 90.0))
     blocks = spread_pairs(flight, 3, seed=1)
     assert [list(block.firsts) for block in blocks] == [[0], [2], [4]]
-    found = with_shared_errors(blocks, MODEL, METHOD)
-    assert found.emphasis in EMPHASES
+    few = with_shared_errors(blocks, MODEL, METHOD)
+    assert few.emphasis == 0
+    found = with_shared_errors(7 * blocks, MODEL, METHOD)
+    assert found.emphasis in EMPHASES[1:]
     assert found.correlation is not None
     save_likelihood(found, tmp_path / "model.json")
     again = load_likelihood(tmp_path / "model.json")

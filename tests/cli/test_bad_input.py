@@ -156,7 +156,7 @@ def test_a_file_that_is_no_model(flight, tmp_path, out, content, command):
 
 
 def test_a_model_of_another_flow_method(flight, models, tmp_path, out):
-    message = "the model is for the flow {'name': 'lucas-kanade'"
+    message = "the model is for the flow lucas-kanade, not for 'farneback'"
     options = ("--model", models["lucas-kanade"], "--method", "farneback")
     refuse("odometry", flight, *options, out=out, message=message)
     refuse("flow", image_of(flight, 0), image_of(flight, 1), *options, out=out, message=message)
@@ -173,7 +173,7 @@ def test_a_model_of_another_flow_method(flight, models, tmp_path, out):
             ("calibrate", "FLIGHT", "--method", "farneback", "--format", "scannet"),
             "format 'scannet', known are",
         ),
-        (("calibrate", "nowhere", "--method", "farneback"), "nowhere: no such folder"),
+        (("calibrate", "nowhere", "--method", "farneback"), "nowhere: no such file or folder"),
         (("odometry", "FLIGHT"), "--estimator lcmsac needs --model"),
         (("odometry", "FLIGHT", "--estimator", "mle"), "--estimator mle needs --model"),
         (("odometry", "FLIGHT", "--estimator", "best"), "unknown estimator 'best': known are ransac"),

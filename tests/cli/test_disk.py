@@ -74,6 +74,33 @@ def test_a_place_that_cannot_be_written_to(flight, tmp_path):
         assert "file" in outcome.err[0]
 
 
+@pytest.mark.parametrize("error", ["EACCES", "EROFS"])
+def test_a_folder_that_refuses_to_be_written_to(flight, tmp_path, monkeypatch, error):
+    """As a read-only folder does, told to the superuser too, whom permissions do not stop."""
+    import errno
+    from pathlib import Path
+
+    locked, honest = tmp_path / "locked", Path.mkdir
+    locked.mkdir()
+
+    def mkdir(path, *words, **more):
+        if locked in path.parents:
+            number = getattr(errno, error)
+            raise OSError(number, os.strerror(number), str(path))
+        honest(path, *words, **more)
+
+    monkeypatch.setattr(Path, "mkdir", mkdir)
+    for words in (
+        ("flow", image_of(flight, 0), image_of(flight, 1), "--model", "farneback"),
+        ("simulate", "planes", "--frames", 3, "--width", 96, "--height", 64),
+        ("odometry", flight, "--estimator", "ransac", "--frames", 3),
+    ):
+        outcome = call(*words, "--out", locked / "run")
+        assert outcome.code == 2
+        assert "cannot be written" in outcome.err[0]
+        assert not list(locked.iterdir())
+
+
 @pytest.mark.skipif(os.geteuid() == 0, reason="the superuser may write anywhere")
 def test_a_read_only_folder(flight, tmp_path):
     (tmp_path / "locked").mkdir(mode=0o500)

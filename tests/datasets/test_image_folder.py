@@ -60,9 +60,16 @@ def test_bad_cameras(tmp_path, camera, message):
         ImageFolder(make_folder(tmp_path), camera)
 
 
+def test_numbers_in_the_wrong_order_are_told(tmp_path):
+    with pytest.raises(DataError, match=r"outside of the image of .* pixels; the order is f,cx,cy"):
+        ImageFolder(make_folder(tmp_path), "900,20,900")
+
+
 def test_without_a_camera_it_is_asked_for(tmp_path):
     sequence = open_sequence(make_folder(tmp_path))
-    with pytest.raises(MissingFieldError, match=r"no camera .give one: f,cx,cy or fx,fy,cx,cy in pixels"):
+    with pytest.raises(
+        MissingFieldError, match=r"no camera .give one by --camera: f,cx,cy or fx,fy,cx,cy in pixels"
+    ):
         _ = sequence.camera
 
 

@@ -236,7 +236,9 @@ def test_formats_are_guessed_by_layout(tmp_path):
     (tmp_path / "c").mkdir()
     with pytest.raises(DataError, match="not the folder of a known data set"):
         guess_format(tmp_path / "c")
-    with pytest.raises(DataError, match="no such folder"):
+    with pytest.raises(DataError, match=r"holds data sets and is none; give one of them: .*a, .*b$"):
+        guess_format(tmp_path)
+    with pytest.raises(DataError, match="no such file or folder"):
         open_sequence(tmp_path / "none")
     with pytest.raises(DataError, match="no such folder"):
         open_sequence(tmp_path / "none", "kitti")

@@ -64,7 +64,7 @@ def test_a_video_reaches_another_process(video):
 def test_a_rate_may_be_given_and_a_camera_is_asked_for(video):
     sequence = open_sequence(video, frames_per_second=10)
     assert sequence.timestamp(5) == 0.5
-    with pytest.raises(MissingFieldError, match="give one: f,cx,cy"):
+    with pytest.raises(MissingFieldError, match="give one by --camera: f,cx,cy"):
         _ = sequence.camera
     with pytest.raises(DataError, match="frame rate 0"):
         Video(video, frames_per_second=0)

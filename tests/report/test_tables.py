@@ -66,9 +66,31 @@ def test_equal_keys_of_another_protocol_get_their_own_row():
     assert [[c.text for c in row.cells] for row in rows] == [["1", ""], ["2", "3"]]
 
 
+def test_a_metric_without_any_counted_level_says_why():
+    empty = Record("ks_median", None, "", protocol="levels=≥100 components from ≥30 frames; counted=0 of 43")
+    assert reason(empty) == "no value: too little data, no texture level has ≥100 components from ≥30 frames"
+
+
 def test_headlines_set_the_own_method_against_the_others():
     drift = headlines(records())[0]
     assert (drift.value, drift.who, drift.others) == ("1.25 %", "LCMSAC · Farnebäck · fig8", "RANSAC 4.5")
+
+
+def test_the_model_a_run_is_about_stands_first_and_is_told_from_its_like():
+    found = [
+        Record("coverage_90", value, "", "here", "dis", family, schedule)
+        for value, family, schedule in (
+            (0.8, "lcm", "texture"),
+            (0.85, "glc", "texture"),
+            (0.9, "glc", "index"),
+        )
+    ]
+    (told,) = headlines(found, {"family": "glc", "schedule": "index"})
+    assert (told.value, told.who, told.others) == (
+        "0.9",
+        "GLC · index · DIS · here",
+        "LCM 0.8, GLC · texture 0.85",
+    )
 
 
 def test_no_records_make_no_tables():

@@ -26,36 +26,42 @@ VECTORS = 1200
 EMPHASES = np.arange(21) / 10
 LEAST_PX = 1e-9
 FEWEST = 20
-"""Vectors of an image pair of which nothing is said below."""
+"""Vectors of an image pair, and pairs for an emphasis: fewer say nothing."""
 
-Shared = tuple[ScoreProducts, list[Array]]
+Pairs = list[tuple[Measurements, Array]]
+"""Measurements and errors z (N, 2) [px] of image pairs."""
 
 
 def with_shared_errors(
     blocks: Seq[Block],
     likelihood: FlowLikelihood,
     method: FlowMethod,
-    map: Callable[..., Iterable[Shared]] = map,
+    map: Callable[..., Iterable[Pairs]] = map,
 ) -> FlowLikelihood:
     """Likelihood that knows what errors of its flow method share, measured on blocks of image pairs.
 
     It goes through any `map` that keeps the order. The emphasis is that with the least error of an affine
     motion field, whose logarithm is averaged over the pairs: cameras' motions move images smoothly, and this
-    needs their flow alone. In the paper's likelihood, Laplace-Cauchy over texture, components count by
-    their information alone.
+    needs their flow alone. Fewer than 20 pairs ask for none; in the paper's likelihood, Laplace-Cauchy over
+    texture, components count by their information alone.
 
     Raises
     ------
     CalibrationError
         If there are no pairs of flow vectors.
     """
-    found = list(map(_of_block, blocks, [likelihood] * len(blocks), [method] * len(blocks)))
-    if not found:
-        raise CalibrationError("no image pairs to take the correlation of scores from")
-    correlation = fit_correlation(reduce(ScoreProducts.merge, (products for products, _ in found)))
-    fields = [errors for _, of_block in found for errors in of_block]
+    found = map(_pairs_of_block, blocks, [likelihood] * len(blocks), [method] * len(blocks))
+    pairs = [pair for of_block in found for pair in of_block]
+    if not pairs:
+        raise CalibrationError("no image pairs with flow vectors to take the correlation of scores from")
+    correlation = fit_correlation(
+        reduce(ScoreProducts.merge, (ScoreProducts.of(likelihood, m, z) for m, z in pairs))
+    )
+    emphasis = 0.0
     paper = likelihood.family.name == LaplaceCauchy.name and likelihood.schedule.name == "texture"
-    emphasis = 0.0 if paper else float(EMPHASES[np.argmin(np.log(fields).mean(axis=0))])
+    if not paper and len(pairs) >= FEWEST:
+        logs = [np.log(field_errors(likelihood, m, z)) for m, z in pairs]
+        emphasis = float(EMPHASES[np.argmin(np.mean(logs, axis=0))])
     return replace(likelihood, correlation=correlation, emphasis=emphasis)
 
 
@@ -68,9 +74,8 @@ def field_errors(likelihood: FlowLikelihood, m: Measurements, z: Array) -> Array
     x = likelihood.coordinate(m)
     score, fisher = -likelihood.score(z, x).ravel(), likelihood.fisher(x).ravel()
     centred = m.pixels - m.pixels.mean(axis=0)
-    terms = np.column_stack([np.ones(len(m)), centred / np.abs(centred).max()])
-    directions = np.swapaxes(m.R_i_e, 1, 2)
-    J = np.einsum("nci,nk->ncik", directions, terms).reshape(len(fisher), -1)
+    terms = np.column_stack([np.ones(len(m)), centred / max(np.abs(centred).max(), 1.0)])
+    J = np.einsum("nci,nk->ncik", np.swapaxes(m.R_i_e, 1, 2), terms).reshape(x.size, -1)
     errors = []
     for emphasis in EMPHASES:
         weight = (fisher / fisher.max()) ** emphasis
@@ -89,15 +94,10 @@ def spread_pairs(sequence: Sequence, most: int, seed: int) -> list[Block]:
     return [Block(sequence, range(k, k + 1), seed) for k in firsts.tolist()]
 
 
-def _of_block(block: Block, likelihood: FlowLikelihood, method: FlowMethod) -> Shared:
-    """Products of scores, and field errors, of 1200 random vectors of each pair."""
-    products, fields = ScoreProducts.empty(), []
-    for k in block.firsts:
-        e = _errors_where_estimated(block, k, likelihood, method)
-        if len(e.z) >= FEWEST:
-            products = products.merge(ScoreProducts.of(likelihood, e.measurements, e.z))
-            fields.append(field_errors(likelihood, e.measurements, e.z))
-    return products, fields
+def _pairs_of_block(block: Block, likelihood: FlowLikelihood, method: FlowMethod) -> Pairs:
+    """Errors of 1200 random vectors of each pair."""
+    found = [_errors_where_estimated(block, k, likelihood, method) for k in block.firsts]
+    return [(e.measurements, e.z) for e in found if len(e.z) >= FEWEST]
 
 
 def _errors_where_estimated(

@@ -17,6 +17,7 @@ def run(json: Json = False) -> None:
     `flowlik doctor --json`, to put into a report of an error. Exit code 2 if the self-test fails.
     """
     import json as json_module
+    import sys
     from dataclasses import asdict
 
     from rich.console import Console
@@ -24,12 +25,15 @@ def run(json: Json = False) -> None:
 
     from flowlik.commands.doctor import doctor
 
+    if not json:
+        # the first time kernels are compiled; nobody should wonder whether it hangs
+        typer.echo("trying flow and ego-motion: seconds, the first time half a minute", err=True)
     found = doctor()
     if json:
         content = {**asdict(found), "healthy": found.healthy}
         typer.echo(json_module.dumps(content, indent=1, ensure_ascii=False))
     else:
-        console = Console(soft_wrap=True, highlight=False)
+        console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
         table = Table(show_header=False, box=None, pad_edge=False)
         for name, value in {**found.versions, **found.system}.items():
             table.add_row(name, value)

@@ -14,7 +14,7 @@ from flowlik.cli.options import (
     FrameRate,
     Json,
     Method,
-    Model,
+    ModelUnlessRansac,
     Out,
     Recording,
     Seed,
@@ -28,7 +28,7 @@ from flowlik.cli.options import (
 def run(
     data: Annotated[Path, typer.Argument(help="Folder of a sequence, a video file or a ROS bag.")],
     out: Out,
-    model: Model = None,
+    model: ModelUnlessRansac = None,
     method: Method = None,
     estimator: Annotated[
         str,
@@ -93,3 +93,5 @@ def run(
         topic, bag, view, record,
     )  # fmt: skip
     show_run(result, json)
+    if result.config["scale"] == "none":
+        typer.echo("no scale: each motion counts 1, so lengths have no unit; see --scale", err=True)

@@ -28,6 +28,15 @@ Model = Annotated[
         autocompletion=complete.models,
     ),
 ]
+ModelUnlessRansac = Annotated[
+    Path | None,
+    typer.Option(
+        "--model",
+        "-m",
+        help="A shipped model's name, or a file made by `flowlik calibrate`; ransac needs none.",
+        autocompletion=complete.models,
+    ),
+]
 METHOD_HELP = (
     "Flow: farneback, farneback-wide, lucas-kanade, lucas-kanade-11, dis, horn-schunck; "
     "your own as package.module:object; or on disk as flow-files:LABEL=FOLDER."
@@ -106,6 +115,8 @@ def show_run(run: RunFolder, as_json: bool) -> None:
     for warning in run.warnings:
         typer.echo(f"warning: {warning}", err=True)
     show_records(run.records, as_json)
+    for model in sorted((run.path / "models").glob("*.json")):
+        typer.echo(f"model: {model}", err=True)
     typer.echo(f"report: {run.path / 'report.html'}", err=True)
 
 
@@ -119,13 +130,17 @@ def show_records(records: Sequence[Record], as_json: bool) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from flowlik.report.tables import reason
+
     main = [r for r in records if r.metric in SUMMARY]
     if len(records) > MOST_ROWS and main:
         typer.echo(f"{len(main)} of {len(records)} figures; metrics.json and the report hold all", err=True)
         records = main
-    columns = ("dataset", "flow", "family", "estimator", "metric", "value", "unit")
+    columns = ("dataset", "flow", "family", "schedule", "estimator", "metric", "value", "unit")
     table = Table(*columns, box=None, pad_edge=False)
     for r in records:
         value = "–" if r.value is None else f"{r.value:.5g}"
-        table.add_row(r.dataset, r.flow, r.family, r.estimator, r.metric, value, r.unit)
+        table.add_row(r.dataset, r.flow, r.family, r.schedule, r.estimator, r.metric, value, r.unit)
     Console(width=None if sys.stdout.isatty() else 140).print(table)
+    for why in dict.fromkeys(f"{r.metric}: {reason(r)}" for r in records if r.value is None):
+        typer.echo(why)

@@ -39,7 +39,9 @@ def run(
         from flowlik.commands.kitti import kitti_table
 
         if model is None:
-            raise DataError("--kitti needs --model, a file that `flowlik calibrate` makes")
+            raise DataError(
+                "--kitti needs --model, a shipped model's name or a file that `flowlik calibrate` makes"
+            )
         frames = 60 if quick else None
         show_run(
             kitti_table(kitti, model, out, frames=frames, command=command_line(), progress=terminal_progress),

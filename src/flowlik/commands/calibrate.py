@@ -115,8 +115,8 @@ def calibrate(
     for number, sequence in enumerate(sequences):
         blocks = split_blocks(sequence, seed)
         found = sketch_for_run(
-            run, blocks, [task], f"{label} on {sequence.name}", execution, progress, f"sketches-{number}",
-            dataset=sequence.name, flow=label,
+            run, blocks, [task], f"{label} on {sequence.name}, blocks of pairs", execution, progress,
+            f"sketches-{number}", dataset=sequence.name, flow=label,
         )  # fmt: skip
         populations.append(gather(found, len(blocks), most))
     names = ", ".join(sequence.name for sequence in sequences)

@@ -69,8 +69,8 @@ def evaluate(
         blocks = split_blocks(sequence, seed)
         task = Task(flow, (index,), kept_for_eigenbasis(index), likelihood.texture)
         found = sketch_for_run(
-            run, blocks, [task], f"errors on {sequence.name}", execution, progress, f"sketches-{number}",
-            dataset=sequence.name, flow=method_label(likelihood.method or {}),
+            run, blocks, [task], f"errors on {sequence.name}, blocks of pairs", execution, progress,
+            f"sketches-{number}", dataset=sequence.name, flow=method_label(likelihood.method or {}),
         )  # fmt: skip
         sketches = [s for kind in gather(found, len(blocks)) for s in kind]
         if not any(s.total for s in sketches):

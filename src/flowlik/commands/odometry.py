@@ -3,33 +3,31 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.commands.odometry_files import write_frames, write_intrinsics
+from flowlik.commands.odometry_results import run_records, save_figures, skipped_record
 from flowlik.datasets import open_sequence
 from flowlik.datasets.base import Sequence
-from flowlik.datasets.selection import Skipped, select_frames
-from flowlik.egomotion import EgoMotion, Estimator, lcmsac, mle, ransac
+from flowlik.datasets.selection import select_frames
+from flowlik.egomotion import Estimator, lcmsac, mle, ransac
 from flowlik.egomotion.self_calibration import SelfCalibration
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.evaluation.data_check import agreement, disagreement_warning
-from flowlik.evaluation.drift import relative_pose_errors
 from flowlik.evaluation.evidence import outside_warning
-from flowlik.evaluation.motion_records import status_records, trajectory_records, true_trajectory
+from flowlik.evaluation.motion_records import true_trajectory
 from flowlik.extras import extra
 from flowlik.features import features_of
-from flowlik.flow import confirmed_method, describe, flow_method, method_label
+from flowlik.flow import confirmed_method, describe, flow_method
 from flowlik.flow.base import FlowMethod
 from flowlik.model_file import load_likelihood
 from flowlik.odometry import Odometry, ResidualKind, run_odometry
 from flowlik.progress import Progress, no_progress
-from flowlik.records import Record, protocol, select
+from flowlik.records import select
 from flowlik.ros_odometry import write_odometry_bag
 from flowlik.runs import RunFolder
 from flowlik.scale import SCALES, scale_source
@@ -159,7 +157,7 @@ def odometry(
     watched = watched_by(viewer(view, run.begin() / "view.rrd" if record else None), loop, sequence, robot)
     begin = time.perf_counter()
     motions, agreements = [], []
-    for motion in progress(watched, f"{estimator} on {sequence.name}", count - 1):
+    for motion in progress(watched, f"{estimator} on {sequence.name}, image pairs", count - 1):
         motions.append(motion)
         if truth is not None and robot.last is not None:
             k = len(motions)
@@ -184,12 +182,12 @@ def odometry(
         "gate": "none" if gate is None else gate, "features": features_of(flow),
         "timestamps": getattr(sequence, "times_source", None),
     }  # fmt: skip
-    run.records = _records(sequence, estimated, truth, motions, chosen, flow, seed, keys, seconds)
+    run.records = run_records(sequence, estimated, truth, motions, chosen, flow, seed, keys, seconds)
     unsolved = np.array([False, *(not motion.solved for motion in motions)])
-    _figures(run, estimated, truth, unsolved, estimator, flow, metric=scale != "none")
+    save_figures(run, estimated, truth, unsolved, estimator, flow, metric=scale != "none")
     (outside,) = select(run.records, metric="outside_fraction")
     if skip_bad_frames:
-        run.records.append(_skipped_record(run.records[0], skipped))
+        run.records.append(skipped_record(run.records[0], skipped))
     if message := disagreement_warning(sequence.name, sequence.frames[1:], agreements):
         run.warn(message)
     for bad in skipped:
@@ -215,7 +213,10 @@ def choose(
         raise DataError(f"--gate must be a texture of at least 0, not {gate}")
     if model is None:
         if estimator != "ransac":
-            raise DataError(f"--estimator {estimator} needs --model, a file that `flowlik calibrate` makes")
+            raise DataError(
+                f"--estimator {estimator} needs --model: a shipped model's name (`flowlik models`) or a file "
+                "that `flowlik calibrate` makes"
+            )
         return flow_method(method or "lucas-kanade"), ransac(gate=gate)
     likelihood = load_likelihood(model)
     flow = confirmed_method(likelihood.method or {}, method)
@@ -234,68 +235,3 @@ def _residual_kind(sequence: Sequence, asked: str | None) -> ResidualKind:
     except MissingFieldError:
         return "epipolar"
     return "depth"
-
-
-def _records(
-    sequence: Sequence,
-    estimated: Trajectory,
-    truth: Trajectory | None,
-    motions: list[EgoMotion],
-    estimator: Estimator,
-    flow: FlowMethod,
-    seed: int,
-    keys: dict[str, object],
-    seconds: float,
-) -> list[Record]:
-    family, schedule = estimator.likelihood.family.name, estimator.likelihood.schedule.name
-    name = method_label(describe(flow))
-    base = Record(
-        "frames_per_second", len(motions) / seconds, "1/s", sequence.name, name, family, schedule,
-        estimator.name, len(motions), seed,
-        protocol(**keys, includes="decoding, flow, estimation, compilation"),
-    )  # fmt: skip
-    records = [base, *status_records(motions, replace(base, protocol=protocol(**keys)))]
-    if truth is None:
-        return records
-    errors = trajectory_records(
-        estimated, truth, sequence.name, name, family, schedule, estimator.name, seed, **keys
-    )
-    if keys["scale"] == "none":
-        unscaled = "; " + protocol(reason="without a scale the trajectory has no unit of length")
-        errors = [
-            r if r.metric == "rpe_rot_median_deg" else replace(r, value=None, protocol=r.protocol + unscaled)
-            for r in errors
-        ]
-    return [*errors, *records]
-
-
-def _figures(
-    run: RunFolder,
-    estimated: Trajectory,
-    truth: Trajectory | None,
-    unsolved: NDArray[np.bool_],
-    name: str,
-    flow: FlowMethod,
-    metric: bool,
-) -> None:
-    label = method_label(describe(flow))
-    origin = estimated.poses[0] if truth is None else truth.poses[0]
-    positions = origin.apply(estimated.positions)[None]
-    arrays = {
-        "names": np.array([name]),
-        "positions": positions,
-        "timestamps": estimated.timestamps,
-        "unit": np.array("m" if metric else "steps"),
-        "unsolved": unsolved[None],
-    }
-    if truth is not None and metric:
-        arrays["truth"] = truth.positions
-        steps = relative_pose_errors(estimated, truth)
-        errors = {"translation": steps.translation_m[None], "rotation": steps.rotation_deg[None]}
-        shown = {"names": arrays["names"], "timestamps": estimated.timestamps[1:], **errors}
-        run.save("frame-errors", label, shown)
-    run.save("trajectories", label, arrays)
-
-
-def _skipped_record(base: Record, skipped: list[Skipped]) -> Record:
-    return replace(base, metric="skipped_frames", value=float(len(skipped)), unit="", count=None, protocol="")

@@ -154,12 +154,21 @@ def guess_format(path: Path | str) -> str:
     """
     path = Path(path)
     if not path.exists():
-        raise DataError(f"{path}: no such folder")
+        raise DataError(f"{path}: no such file or folder")
     for name, format in FORMATS.items():
         if format.fits(path):
             return name
+    if path.is_dir() and (inside := _sequences_in(path)):
+        raise DataError(f"{path}: holds data sets and is none; give one of them: {', '.join(inside)}")
     expected = "; ".join(f"{name}: {format.layout}" for name, format in FORMATS.items())
     raise DataError(f"{path}: not the folder of a known data set (expected {expected})")
+
+
+def _sequences_in(path: Path, most: int = 4) -> list[str]:
+    """First folders of a folder that have the layout of a known format."""
+    folders = (child for child in sorted(path.iterdir()) if child.is_dir())
+    found = [str(child) for child in folders if any(format.fits(child) for format in FORMATS.values())]
+    return [*found[:most], *(["..."] if len(found) > most else [])]
 
 
 def open_sequence(

@@ -50,7 +50,7 @@ class Lacking:
 
     def flow(self, k: int) -> NDArray[np.float64]:
         """Raise: there is no true flow."""
-        raise lacks(self.name, "true flow")
+        raise lacks(self.name, "true flow, nor depth and poses to make it of")
 
     def visible(self, k: int) -> NDArray[np.bool_]:
         """Raise: nothing says what is seen again."""

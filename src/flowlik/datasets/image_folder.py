@@ -5,18 +5,15 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from flowlik.camera import Pinhole
-from flowlik.datasets.base import frame_index, lacks
+from flowlik.datasets.base import frame_index
 from flowlik.datasets.frames import FrameFiles
-from flowlik.datasets.intrinsics import CameraLike, given_camera
+from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_camera
 from flowlik.datasets.layouts import IMAGE_SUFFIXES
 from flowlik.errors import DataError
 from flowlik.trajectory import read_times
 
-CAMERA_HINT = "camera (give one: f,cx,cy or fx,fy,cx,cy in pixels)"
 
-
-class ImageFolder(FrameFiles):
+class ImageFolder(GivenCamera, FrameFiles):
     """The images of one size in a folder, a `Sequence` without truth.
 
     They are taken in the order of their names, in which numbers count as numbers (``2.png`` before
@@ -69,13 +66,6 @@ class ImageFolder(FrameFiles):
             raise DataError(f"{path}: {len(self._times_s)} times for {len(files)} images")
         rate = f"frame/{self.frames_per_second:g}s"
         self.times_source = rate if self._times_s is None else "times.txt"
-
-    @property
-    def camera(self) -> Pinhole:
-        """The camera that was given."""
-        if self._camera is None:
-            raise lacks(self.name, CAMERA_HINT)
-        return self._camera
 
     def timestamp(self, k: int) -> float:
         """Return the time [s] of frame k."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence as Seq
 from pathlib import Path
 
 from flowlik.camera import Pinhole
+from flowlik.datasets.base import lacks
 from flowlik.datasets.camera_file import read_camera
 from flowlik.datasets.lens import Lens
 from flowlik.errors import DataError
@@ -13,6 +14,23 @@ from flowlik.files import numbers
 
 CameraLike = Pinhole | Lens | str | Path | Seq[float]
 """A camera, its numbers [px] as text or sequence (``f,cx,cy`` or ``fx,fy,cx,cy``), or a camera file."""
+
+
+CAMERA_HINT = "camera (give one by --camera: f,cx,cy or fx,fy,cx,cy in pixels, or a calibration file)"
+
+
+class GivenCamera:
+    """Base of data sets whose camera the user gives, or may have to give."""
+
+    name: str
+    _camera: Pinhole | None = None
+
+    @property
+    def camera(self) -> Pinhole:
+        """The camera of every image."""
+        if self._camera is None:
+            raise lacks(self.name, CAMERA_HINT)
+        return self._camera
 
 
 def read_if_file(camera: CameraLike) -> CameraLike:
@@ -57,4 +75,10 @@ def given_camera(camera: CameraLike, shape: tuple[int, ...]) -> Pinhole:
         raise DataError(f"camera {camera!r}: expected f,cx,cy or fx,fy,cx,cy [px]")
     values = numbers(words, f"camera {camera!r}")
     fx, fy, cx, cy = values if len(values) == 4 else [values[0], *values]
+    # numbers typed in the wrong order; readers' own cameras are what they are
+    if isinstance(camera, str) and not (0 <= cx < width and 0 <= cy < height):
+        raise DataError(
+            f"camera {camera!r}: principal point ({cx:g}, {cy:g}) outside of the image of {width} x {height} "
+            "pixels; the order is f,cx,cy or fx,fy,cx,cy (of a cropped image, give a camera file)"
+        )
     return Pinhole(width, height, fx, fy, cx, cy)

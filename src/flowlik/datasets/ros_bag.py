@@ -12,11 +12,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.camera import Pinhole
-from flowlik.datasets.base import MAX_PIXELS, decode_bytes, frame_index, lacks, of_size
+from flowlik.datasets.base import MAX_PIXELS, decode_bytes, frame_index, of_size
 from flowlik.datasets.frames import Lacking
-from flowlik.datasets.image_folder import CAMERA_HINT
-from flowlik.datasets.intrinsics import CameraLike, given_camera
+from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_camera
 from flowlik.datasets.lens import Lens
 from flowlik.errors import DataError, FlowlikError
 from flowlik.extras import extra
@@ -46,7 +44,7 @@ TO_GREY: dict[str, tuple[int, int | None]] = {
 """Bytes a pixel of each encoding, and OpenCV's conversion to grey."""
 
 
-class RosBag(Lacking):
+class RosBag(GivenCamera, Lacking):
     """Images of one topic of a ROS bag, a `Sequence` without truth.
 
     Times are those of the messages' headers; images are sorted by them. The camera is the one given, else
@@ -87,18 +85,10 @@ class RosBag(Lacking):
             self.lens = None if camera is not None else _camera_info(self.path, reader, self.topic)
         self.name = f"ros/{self.path.stem}{self.topic.replace('/', '-')}"
         self.shape: tuple[int, ...] = self._read(0).shape
-        self._camera: Pinhole | None = None
         if camera is not None:
             self._camera = given_camera(camera, self.shape)
         elif self.lens is not None:
             self._camera = self.lens.pinhole(self.shape)
-
-    @property
-    def camera(self) -> Pinhole:
-        """The camera of every image."""
-        if self._camera is None:
-            raise lacks(self.name, CAMERA_HINT)
-        return self._camera
 
     def __len__(self) -> int:
         """Return the number of images."""

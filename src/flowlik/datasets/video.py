@@ -13,17 +13,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.camera import Pinhole
 from flowlik.datasets.base import MAX_PIXELS, lacks
 from flowlik.datasets.frames import Lacking
-from flowlik.datasets.image_folder import CAMERA_HINT, check_rate
-from flowlik.datasets.intrinsics import CameraLike, given_camera
+from flowlik.datasets.image_folder import check_rate
+from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_camera
 from flowlik.errors import DataError
 
 RECENT_FRAMES = 8
 
 
-class Video(Lacking):
+class Video(GivenCamera, Lacking):
     """A video file that OpenCV can decode, a `Sequence` without truth.
 
     Frames are read in order, since seeking is inexact in many formats: the latest eight are at hand, an
@@ -68,13 +67,6 @@ class Video(Lacking):
         self.shape: tuple[int, ...] = first.shape
         self._camera = None if camera is None else given_camera(camera, first.shape)
 
-    @property
-    def camera(self) -> Pinhole:
-        """The camera that was given."""
-        if self._camera is None:
-            raise lacks(self.name, CAMERA_HINT)
-        return self._camera
-
     def __len__(self) -> int:
         """Return the number of frames that can be decoded."""
         return self._frames
@@ -91,7 +83,7 @@ class Video(Lacking):
     def timestamp(self, k: int) -> float:
         """Return the time [s] of frame k."""
         if self._rate is None:
-            raise lacks(self.name, "frame rate (give one)")
+            raise lacks(self.name, "frame rate (give one by --frames-per-second)")
         return k / self._rate
 
     def __getstate__(self) -> dict[str, Any]:

@@ -82,7 +82,9 @@ def confirmed_method(record: Mapping[str, Any], given: str | None = None) -> Flo
         return flow_method(record)
     method = flow_method(given)
     if describe(method) != dict(record):
-        raise ModelError(f"the model is for the flow {dict(record)}, not for {given!r}: {_advice(record)}")
+        own = method_label(record)
+        own = own if own != method_label(describe(method)) else f"{dict(record)}"
+        raise ModelError(f"the model is for the flow {own}, not for {given!r}: {_advice(record)}")
     return method
 
 

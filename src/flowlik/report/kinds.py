@@ -196,8 +196,8 @@ FIGURES: dict[str, FigureKind] = {
         "Trajectories",
         "The path seen in the plane of its largest extent, and beside it, where the truth is known, "
         "how far each estimate is from the true position as time goes on. Errors add up along the "
-        "way; a lower line drifts less. Crosses are frames that the images did not tell: their motion is "
-        "predicted.",
+        "way; a lower line drifts less. Where no scale is known, every motion counts as one step. "
+        "Crosses are frames that the images did not tell: their motion is predicted.",
         {"names": "E", "positions": "E N 3", "timestamps": "N", "unit": ""},
         {"truth": "N 3", "unsolved": "E N"},
     ),

@@ -179,7 +179,7 @@ def _html(run: Run, sections: list[tuple[str, list[Picture]]], skipped: list[str
         info=run.info,
         config=json.dumps(run.info["config"], indent=2, ensure_ascii=False) if run.info["config"] else "",
         warnings=run.info["warnings"] + skipped,
-        headlines=headlines(run.records),
+        headlines=headlines(run.records, run.info["config"]),
         tables=tables(run.records),
         sections=[(display_name(name), pictures) for name, pictures in sections],
     )

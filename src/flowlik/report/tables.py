@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from flowlik.records import Record
 from flowlik.report.metric_names import METRICS
@@ -38,10 +39,17 @@ _WORDS = {
     "trans": "translation",
     "rot": "rotation",
 }
-_FLOWS = {"farneback": "Farnebäck", "lucas-kanade": "Lucas–Kanade"}
+_FLOWS = {
+    "farneback": "Farnebäck",
+    "lucas-kanade": "Lucas–Kanade",
+    "lucas-kanade-11": "Lucas–Kanade, window 11",
+    "dis": "DIS",
+    "horn-schunck": "Horn–Schunck",
+}
 _HEADLINES = (
     "drift_percent", "t_err_percent", "rpe_trans_median_m", "ks_median", "coverage_90",
     "within_half_px_fraction", "half_width_e1_median_px", "half_width_e2_median_px",
+    "unsolved_fraction",
 )  # fmt: skip
 _MOST_HEADLINES = 6
 # The method a run is about stands first; the others are what it is compared with.
@@ -117,6 +125,8 @@ def format_unit(unit: str) -> str:
 def reason(record: Record) -> str:
     """Why a record has no value, as its protocol says."""
     parts = dict(part.strip().split("=", 1) for part in record.protocol.split(";") if "=" in part)
+    if parts.get("counted", "").startswith("0 of ") and "levels" in parts:
+        return f"no value: too little data, no texture level has {parts['levels']}"
     why = parts.get("reason") or parts.get("value") or record.protocol
     return f"no value: {why}" if why else "no value was recorded"
 
@@ -226,17 +236,25 @@ def display_name(value: object) -> str:
     return look.label if look else str(value)
 
 
-def _who(record: Record) -> str:
-    return display_name(record.estimator or record.family or record.flow or record.dataset)
+def _who(record: Record, group: Sequence[Record]) -> str:
+    """Name of what was measured, with its schedule where the family alone would not tell."""
+    if record.family and not record.estimator:
+        schedules = {r.schedule for r in group if r.family == record.family}
+        return display_name(f"{record.family} · {record.schedule}" if len(schedules) > 1 else record.family)
+    return display_name(record.estimator or record.flow or record.dataset)
 
 
-def headlines(records: Sequence[Record]) -> list[Headline]:
+def headlines(
+    records: Sequence[Record], config: Mapping[str, object] = MappingProxyType({})
+) -> list[Headline]:
     """Pick the numbers to show first, each beside those of the other families or estimators.
 
     Parameters
     ----------
     records : sequence of Record
         All results of a run.
+    config : mapping
+        Its configuration: the family and schedule it names, if any, are what the run is about.
 
     Returns
     -------
@@ -249,25 +267,26 @@ def headlines(records: Sequence[Record]) -> list[Headline]:
         for r in records:
             if r.metric == metric and r.value is not None:
                 groups.setdefault((r.dataset, r.flow), []).append(r)
-        found += [_headline(metric, group) for group in groups.values()]
+        found += [_headline(metric, group, config) for group in groups.values()]
     return found[:_MOST_HEADLINES]
 
 
-def _headline(metric: str, group: Sequence[Record]) -> Headline:
-    rank = [
-        min(
-            [_OWN.index(w) for w in (display_name(r.estimator), display_name(r.family)) if w in _OWN],
-            default=9,
-        )
-        for r in group
-    ]
-    main = group[rank.index(min(rank))]
-    others = {_who(r): r for r in group if _who(r) != _who(main)}
+def _headline(metric: str, group: Sequence[Record], config: Mapping[str, object]) -> Headline:
+    def rank(r: Record) -> int:
+        if r.family and (r.family, r.schedule) == (config.get("family"), config.get("schedule")):
+            return -1
+        names = (display_name(r.estimator), display_name(r.family))
+        return min([_OWN.index(name) for name in names if name in _OWN], default=len(_OWN))
+
+    main = min(group, key=rank)
+    named = {_who(r, group): r for r in group}
+    own = _who(main, group)
+    others = {who: r for who, r in named.items() if who != own}
     label, meaning = METRICS[metric]
     return Headline(
         label=label,
         meaning=meaning,
         value=f"{format_value(main.value)} {format_unit(main.unit)}".strip(),
-        who=" · ".join(dict.fromkeys(filter(None, [_who(main), display_name(main.flow), main.dataset]))),
+        who=" · ".join(dict.fromkeys(filter(None, [own, display_name(main.flow), main.dataset]))),
         others=", ".join(f"{who} {format_value(r.value)}" for who, r in others.items()),
     )
