@@ -146,7 +146,7 @@ class Residual(Protocol):
 def composite_weight(residual: Residual, likelihood: FlowLikelihood, x: Array) -> Array:
     """Weight (C,) of each component's log-density in an estimate.
 
-    Without depth it is 1: the likelihood's emphasis is calibrated on whole vectors, of which an epipolar error
+    Without depth it is 1: the emphasis is calibrated on whole vectors, of which an epipolar error
     is the part across its line (docs/decisions.md).
     """
     return likelihood.composite_weight(x) if residual.metric else np.ones(len(x))
