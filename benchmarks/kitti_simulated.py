@@ -21,9 +21,9 @@ from flowlik.model_file import load_likelihood
 from flowlik.progress import terminal_progress
 from flowlik.records import Record, protocol, select
 from flowlik.runs import RunFolder
-from flowlik.simulation import simulate
+from flowlik.simulation import SimulatedSequence, simulate
+from pair_cache import PairCache
 
-TRAFFIC = 20
 WRONG_CX_PX, WRONG_K1 = -4.0, -0.015
 SHOWN = (
     "t_err_percent", "t_err_percent_low", "t_err_percent_high", "direction_error_median_mrad",
@@ -58,15 +58,28 @@ def seen_by(m: Measurements, camera: Pinhole) -> Measurements:
     return replace(m, pixels=begin, flow=end - begin)
 
 
-def measured(sequence: Sequence, likelihood: FlowLikelihood, seed: int) -> list[Measurements]:
+def measured(
+    sequence: Sequence, likelihood: FlowLikelihood, seed: int, cache: PairCache | None
+) -> list[Measurements]:
     """Measurements of every pair, made once for both runs."""
     method, signals = flow_method(likelihood.method or {}), likelihood.schedule.index.signals
-    return [
-        measure_features(
-            sequence.image(k - 1), sequence.image(k), method, likelihood.texture, seed + k, signals
-        )
-        for k in terminal_progress(iter(range(1, len(sequence))), sequence.name, len(sequence) - 1)
-    ]
+
+    def make(k: int) -> Measurements:
+        images = sequence.image(k - 1), sequence.image(k)
+        return measure_features(*images, method, likelihood.texture, seed + k, signals)
+
+    pairs = terminal_progress(iter(range(1, len(sequence))), sequence.name, len(sequence) - 1)
+    return [make(k) if cache is None else cache.get(k, lambda k=k: make(k)) for k in pairs]
+
+
+def pair_cache(folder: Path, likelihood: FlowLikelihood, flight: SimulatedSequence, seed: int) -> PairCache:
+    """Kept measurements of a flight."""
+    plan = {
+        "flight": flight.name, "begin_s": float(flight.times_s[0]), "world": flight.configuration_hash,
+        "method": likelihood.method, "seed": seed,
+        "texture": likelihood.texture.describe(), "signals": list(likelihood.signals),
+    }  # fmt: skip
+    return PairCache(folder, plan)
 
 
 def main() -> None:
@@ -74,9 +87,13 @@ def main() -> None:
     parser.add_argument("--kitti-poses", type=Path, required=True, help="folder of NN.txt")
     parser.add_argument("--model", type=Path, required=True, help="model calibrated in simulation")
     parser.add_argument("--sequences", nargs="+", default=["01", "04", "07"])
+    parser.add_argument("--start", type=int, default=0, help="frames left out at the beginning")
     parser.add_argument("--frames", type=int, help="only the first so many")
+    parser.add_argument("--traffic", type=int, default=20, help="moving vehicles")
     parser.add_argument("--seed", type=int, default=300, help="of world, traffic, sensor and samples")
     parser.add_argument("--ours-only", action="store_true", help="without the rivals")
+    parser.add_argument("--cache", type=Path, help="folder that keeps the measurements of every pair")
+    parser.add_argument("--measure-only", action="store_true", help="fill the cache, no estimator")
     parser.add_argument("--out", type=Path, required=True, help="run folder")
     options = parser.parse_args()
 
@@ -84,10 +101,14 @@ def main() -> None:
     run = RunFolder(options.out, "benchmarks/kitti_simulated", vars(options) | {"out": None}, options.seed)
     for name in options.sequences:
         flight = simulate(
-            "driving", options.kitti_poses / f"{name}.txt", options.frames, seed=options.seed, traffic=TRAFFIC
-        )
+            "driving", options.kitti_poses / f"{name}.txt", options.frames, seed=options.seed,
+            start=options.start, traffic=options.traffic,
+        )  # fmt: skip
         sequence: Sequence = Rendered(flight, f"simulated/{name}")  # type: ignore[assignment]
-        pairs = measured(sequence, likelihood, options.seed)
+        cache = options.cache and pair_cache(options.cache / name, likelihood, flight, options.seed)
+        pairs = measured(sequence, likelihood, options.seed, cache)
+        if options.measure_only:
+            continue
         rows = tuple(OURS) if options.ours_only else (*OURS, *BASELINES)
         drive = run_drive(sequence, likelihood, seed=options.seed, names=rows,
                           measured=lambda k, p=pairs: p[k - 1])  # fmt: skip
@@ -102,6 +123,8 @@ def main() -> None:
         for kind, arrays in drive_figures(wrong).items():
             run.save(kind, f"simulated-{name}-wrong-intrinsics", arrays)
         run.records.append(recovered(run.records, sequence.name))
+    if options.measure_only:
+        return
     run.finish()
     for dataset in dict.fromkeys(r.dataset for r in run.records):
         rows_ = select(run.records, dataset=dataset)

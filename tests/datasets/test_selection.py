@@ -5,6 +5,8 @@ import pytest
 from flowlik.datasets import open_sequence
 from flowlik.datasets.selection import Selection, select_frames, whole_pair
 from flowlik.errors import DataError, MissingFieldError
+from tests.datasets.fakes import save
+from tests.datasets.test_image_folder import make_folder
 from tests.datasets.test_kitti import make_sequence, write_poses
 
 
@@ -68,6 +70,19 @@ def test_a_first_image_that_is_damaged_does_not_hide_the_size(folder):
     (folder / "image_0" / "000000.png").write_bytes(b"")
     chosen, skipped = select_frames(open_sequence(folder, lenient=True), skip_bad=True)
     assert ([bad.frame for bad in skipped], len(chosen)) == ([0], 7)
+
+
+def test_a_folder_whose_first_image_is_damaged_goes_on_from_the_first_readable_one(tmp_path):
+    folder = make_folder(tmp_path)
+    (folder / "1.png").write_bytes(b"")
+    with pytest.raises(DataError, match=r"1\.png: not a readable image"):
+        open_sequence(folder)
+    save(folder / "11.png", np.zeros((9, 9), np.uint8))
+    chosen, skipped = select_frames(open_sequence(folder, lenient=True), skip_bad=True)
+    assert chosen.frames.tolist() == [1, 2]
+    reasons = {bad.frame: bad.reason for bad in skipped}
+    assert "1.png: not a readable image" in reasons[0]
+    assert "the first image (2.JPG)" in reasons[3]
 
 
 def test_a_sequence_of_which_nothing_is_left(folder):

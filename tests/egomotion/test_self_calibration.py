@@ -171,3 +171,27 @@ def test_where_images_say_nothing_the_prior_stays():
         state = state.updated(m, forward.as_matrix()[:3], MODEL)
     assert (np.abs(state.values) < 2 * np.sqrt(SETTINGS.prior_variances)).all()
     assert state.sigma[0] > 0.5 * 4.0
+
+
+def test_a_frame_of_wrong_tracks_is_hardly_believed(states):
+    rng = np.random.default_rng(7)
+    motion = random_motion(rng, 2.0, 0.5)
+    m = make_scene(motion, rng, n=300, likelihood=MODEL).measurements
+    wrong = rng.random(len(m)) < 2 / 3
+    torn = replace(m, flow=m.flow + np.where(wrong[:, None], [6.0, 4.0], 0.0))
+    state, T = Intrinsics.prior(CAMERA, SETTINGS), motion.as_matrix()[:3]
+    *_, good = state.information(m, T, MODEL)
+    H, b, bad = state.information(torn, T, MODEL)
+    assert good < 2
+    assert bad > 3 * good
+    trusting, wary = state._after(H, b), state._after(H, b, bad)
+    assert (np.abs(wary.values) <= np.abs(trusting.values)).all()
+    assert (wary.sigma > trusting.sigma).all()
+
+
+def test_frames_of_wrong_tracks_that_agree_are_not_as_many_witnesses():
+    H, b = np.diag([1.0, 1e4, 1e4]), np.array([-8.0, 0.0, 0.0])
+    states = [Intrinsics.prior(CAMERA, SelfCalibration())]
+    for _ in range(10):
+        states.append(states[-1]._after(H, b - H @ states[-1].values, excess=3.0))
+    assert states[10].sigma[0] > 0.7 * states[1].sigma[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence as Seq
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
@@ -65,6 +66,8 @@ class FrameFiles(Lacking):
         Data set and scene.
     files : sequence of Path
         Image files in time order, at least one; the first tells the size.
+    lenient : bool
+        The size is that of the first image that can be read.
 
     Attributes
     ----------
@@ -77,10 +80,10 @@ class FrameFiles(Lacking):
         If the first image cannot be read.
     """
 
-    def __init__(self, name: str, files: Seq[Path]) -> None:
+    def __init__(self, name: str, files: Seq[Path], lenient: bool = False) -> None:
         self.name = name
         self.files = list(files)
-        self.shape: tuple[int, ...] = read_grey(self.files[0]).shape
+        self._first, self.shape = first_readable(self.files, lenient)
 
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -89,7 +92,7 @@ class FrameFiles(Lacking):
     def image(self, k: int) -> NDArray[np.uint8]:
         """Grey image (H, W) of frame k; a DataError if it is unreadable or of another size than the first."""
         path = self.files[frame_index(self, k)]
-        return of_size(read_grey(path), self.shape, path, f"the first image ({self.files[0].name})")
+        return of_size(read_grey(path), self.shape, path, f"the first image ({self._first.name})")
 
 
 class DepthFrames(FrameFiles):
@@ -104,6 +107,15 @@ class DepthFrames(FrameFiles):
         """Return which pixels (H, W) of frame k the depth of frame k + 1 shows again."""
         motion = motion_to_next(self, k)
         return is_visible(visibility_next(self.camera, self.depth(k), self.depth(k + 1), motion))
+
+
+def first_readable(files: Seq[Path], lenient: bool = False) -> tuple[Path, tuple[int, ...]]:
+    """First image file, or with ``lenient`` the first that can be read, and its height and width."""
+    for path in files[:-1] if lenient else []:
+        with suppress(DataError):
+            return path, read_grey(path).shape
+    path = files[-1] if lenient else files[0]
+    return path, read_grey(path).shape
 
 
 def read_depth(

@@ -30,7 +30,7 @@ class ImageFolder(GivenCamera, FrameFiles):
     frames_per_second : float, optional
         Frame rate [Hz]; by default 1, so that times are frame numbers.
     lenient : bool
-        Times may go back: frames whose time does not advance are told when they are chosen.
+        Times may go back and the first images be unreadable: such frames are told when they are chosen.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class ImageFolder(GivenCamera, FrameFiles):
         files = image_files(folder)
         if not files:
             raise DataError(f"{folder}: no images (files ending in {', '.join(sorted(IMAGE_SUFFIXES))})")
-        super().__init__(f"image-folder/{folder.resolve().name}", files)
+        super().__init__(f"image-folder/{folder.resolve().name}", files, lenient)
         self._camera = None if camera is None else given_camera(camera, self.shape)
         self.frames_per_second = check_rate(1.0 if frames_per_second is None else frames_per_second)
         path = folder / "times.txt"

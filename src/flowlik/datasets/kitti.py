@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import Iterable
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -13,6 +13,7 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.camera import Pinhole
 from flowlik.datasets.base import frame_index, lacks, read_grey
+from flowlik.datasets.frames import first_readable
 from flowlik.errors import DataError
 from flowlik.files import numbers, read_text
 from flowlik.trajectory import FRAME_RATE, read_kitti_poses, read_times
@@ -78,16 +79,11 @@ class KittiOdometry:
     def __init__(self, folder: Path | str, poses: Path | str | None = None, lenient: bool = False) -> None:
         self.folder = Path(folder)
         self.name = f"kitti/{self.folder.resolve().name}"
-        if not self.folder.is_dir():
-            raise DataError(f"{self.folder}: no such folder")
         self._poses_file = None if poses is None else Path(poses)
-        images = next((name for name in IMAGE_FOLDERS if (self.folder / name).is_dir()), None)
-        if images is None:
-            raise DataError(f"{self.folder}: no folder {' or '.join(IMAGE_FOLDERS)} in this KITTI sequence")
-        self._images = images
+        self._images = images = images_in(self.folder, IMAGE_FOLDERS, "KITTI sequence")
         self._files = numbered_images(self.folder / images, lenient)
         K, self._t_c_0 = read_calibration(self.folder / "calib.txt", IMAGE_FOLDERS[images])
-        height, width = first_shape(self._files, lenient)
+        _, (height, width) = first_readable(self._files, lenient)
         self._camera = Pinhole(width, height, *map(float, (K[0, 0], K[1, 1], K[0, 2], K[1, 2])))
         self._timestamps, self.times_source = self._read_times(lenient)
 
@@ -208,6 +204,16 @@ def _calibration_rows(path: Path | str) -> list[tuple[str, list[float]]]:
     return rows
 
 
+def images_in(folder: Path, names: Iterable[str], kind: str) -> str:
+    """The first of the image folders `names` that a KITTI folder has."""
+    if not folder.is_dir():
+        raise DataError(f"{folder}: no such folder")
+    found = next((name for name in names if (folder / name).is_dir()), None)
+    if found is None:
+        raise DataError(f"{folder}: no folder {' or '.join(names)} in this {kind}")
+    return found
+
+
 def numbered_images(folder: Path, gaps: bool = False) -> list[Path]:
     """PNG files of a folder in the order of their numbers, which must be consecutive.
 
@@ -229,14 +235,6 @@ def numbered_images(folder: Path, gaps: bool = False) -> list[Path]:
         if int(current.stem) != int(previous.stem) + 1:
             raise DataError(f"{folder}: images are missing between {previous.name} and {current.name}")
     return files
-
-
-def first_shape(files: list[Path], lenient: bool = False) -> tuple[int, ...]:
-    """Height and width of the first image, or with ``lenient`` of the first that can be read."""
-    for path in files[:-1] if lenient else []:
-        with suppress(DataError):
-            return read_grey(path).shape
-    return read_grey(files[-1] if lenient else files[0]).shape
 
 
 def _size(shape: tuple[int, ...]) -> str:

@@ -11,14 +11,15 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.camera import Pinhole
 from flowlik.datasets.base import frame_index, lacks, read_grey
-from flowlik.datasets.kitti import first_shape, numbered_images
+from flowlik.datasets.frames import first_readable
+from flowlik.datasets.kitti import images_in, numbered_images
 from flowlik.errors import DataError
 from flowlik.files import numbers, read_table, read_text
 from flowlik.trajectory import FRAME_RATE, check_times
 
 EARTH_RADIUS_M = 6378137.0
 OXTS_COLUMNS = 30
-FOLDERS = {"image_00": "00", "image_02": "02"}
+FOLDERS = {"image_00/data": "00", "image_02/data": "02"}
 ODOMETRY_DRIVES = {
     "00": ("2011_10_03_drive_0027", 4541),
     "01": ("2011_10_03_drive_0042", 1101),
@@ -55,19 +56,13 @@ class KittiRaw:
     def __init__(self, folder: Path | str, lenient: bool = False) -> None:
         self.folder = Path(folder)
         self.name = f"kitti-raw/{self.folder.resolve().name}"
-        if not self.folder.is_dir():
-            raise DataError(f"{self.folder}: no such folder")
-        images = next((name for name in FOLDERS if (self.folder / name / "data").is_dir()), None)
-        if images is None:
-            raise DataError(
-                f"{self.folder}: no folder image_00/data or image_02/data in this KITTI raw drive"
-            )
+        images = images_in(self.folder, FOLDERS, "KITTI raw drive")
         self._number = FOLDERS[images]
-        self._files = numbered_images(self.folder / images / "data", lenient)
+        self._files = numbered_images(self.folder / images, lenient)
         self._P = self._calibration("calib_cam_to_cam.txt", f"P_rect_{self._number}", 12).reshape(3, 4)
-        height, width = first_shape(self._files, lenient)
+        _, (height, width) = first_readable(self._files, lenient)
         self._camera = Pinhole(width, height, *map(float, self._P[[0, 1, 0, 1], [0, 1, 2, 2]]))
-        self._timestamps = self._read_times(self.folder / images / "timestamps.txt", lenient)
+        self._timestamps = self._read_times((self.folder / images).parent / "timestamps.txt", lenient)
 
     @property
     def camera(self) -> Pinhole:

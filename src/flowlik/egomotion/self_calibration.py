@@ -10,7 +10,9 @@ that stays over many frames: flow's own systematic errors, which on a straight r
 Both are in the filter as measured on simulated drives: noise of variance `noise`, and one more state a
 parameter, a first-order Gauss-Markov process of variance `persistent` that forgets within `memory` frames.
 Where images are worse than simulated ones, the filter's own innovations tell by how much: both variances are
-multiplied by the mean of their squares so far.
+multiplied by the mean of their squares so far. A frame most of whose tracks are wrong tells so itself, before
+the filter has learned anything: both variances grow with the square of its errors' excess, for wrong tracks
+agree with those of the frames around them.
 """
 
 from __future__ import annotations
@@ -158,10 +160,21 @@ class Intrinsics:
         """
         return self._after(*self.information(m, T, likelihood))
 
-    def information(self, m: Measurements, T: Array, likelihood: FlowLikelihood) -> tuple[Array, Array]:
-        """Information H (P, P) of a frame about the parameters and gradient b (P,), the motion eliminated.
+    def information(
+        self, m: Measurements, T: Array, likelihood: FlowLikelihood
+    ) -> tuple[Array, Array, float]:
+        """What a frame says about the parameters, the motion eliminated.
 
         Parameters are as in `updated`.
+
+        Returns
+        -------
+        H : array (P, P)
+            Information.
+        b : array (P,)
+            Gradient.
+        excess : float
+            Median of the frame's errors, each over the median that the likelihood expects of it; at least 1.
         """
         residual = Epipolar.of(self.rectified(m), self.camera)
         _, normal, J = residual.linearise_with_normal(T)
@@ -175,7 +188,8 @@ class Intrinsics:
         believed = np.minimum(weight, likelihood.fisher(x))[:, None]
         # slopes along directions that no motion explains, so that the gradient needs no exact maximum
         G = G - J @ np.linalg.solve(J.T @ (believed * J), J.T @ (believed * G))
-        return G.T @ (believed * G), -G.T @ (weight * z)
+        excess = float(np.median(np.abs(z) / likelihood.bound(x, 0.5))) if len(z) else 1.0
+        return G.T @ (believed * G), -G.T @ (weight * z), max(excess, 1.0)
 
     def linearise(self, m: Measurements, T: Array) -> tuple[Array, Array]:
         """Epipolar errors (N,) [px] at the present values, and their Jacobian (N, P) by the parameters."""
@@ -185,12 +199,13 @@ class Intrinsics:
             slopes.append((self._errors(m, T, self.values + step) - z) / STEPS[name])
         return z, np.stack(slopes, axis=-1)
 
-    def _after(self, H: Array, b: Array) -> Intrinsics:
-        """Intrinsics after a frame's information H (P, P) and gradient b (P,)."""
+    def _after(self, H: Array, b: Array, excess: float = 1.0) -> Intrinsics:
+        """Intrinsics after a frame's information H (P, P), gradient b (P,) and excess of errors."""
         settings, count = self.settings, len(b)
         prior, kept = settings.prior_variances, np.exp(-1 / settings.memory)
         fades = np.concatenate([np.ones(count), np.full(count, kept)])
-        renewed = np.full(count, (1 - kept**2) * settings.persistent * self.misfit)
+        # what wrong tracks say stays as well: without that, ten such frames would count as ten witnesses
+        renewed = np.full(count, settings.persistent * ((1 - kept**2) * self.misfit + excess**2 - 1))
         state = fades * self.state
         joint = fades[:, None] * self.joint * fades + np.diag(
             np.concatenate([settings.drift * prior, renewed])
@@ -205,7 +220,7 @@ class Intrinsics:
         # u = W (true - present values) + persistent + new noise, in the eigenbasis of the information
         M = np.hstack([W / unit, vectors[:, told].T])
         innovation = u - vectors[:, told].T @ state[count:]
-        known, new = M @ joint @ M.T, settings.noise * np.eye(len(u))
+        known, new = M @ joint @ M.T, excess**2 * settings.noise * np.eye(len(u))
         square = innovation @ np.linalg.solve(known + new, innovation) / max(len(u), 1)
         seen = replace(self, frames=self.frames + 1, squares=self.squares + (square if len(u) else 1.0))
         gain = joint @ M.T @ np.linalg.inv(known + seen.misfit * new)
