@@ -238,3 +238,14 @@ def warped_error(first, second, flow):
     ends = np.nan_to_num(flow + np.dstack([u, v])).astype(np.float32)
     warped = cv2.remap(second, ends[..., 0], ends[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.abs(warped.astype(float) - first)
+
+
+@pytest.mark.parametrize(
+    "header", [b"{'descr': (\n", b"{'descr': '<f8', 'x': [1, ", b"\x00\x00", b"{'descr': }"]
+)
+def test_an_npy_header_that_is_no_python(tmp_path, header):
+    """NumPy's parser lets errors of Python's tokenizer through."""
+    data = header.ljust(117) + b"\n"
+    (tmp_path / "f.npy").write_bytes(b"\x93NUMPY\x01\x00" + len(data).to_bytes(2, "little") + data)
+    with pytest.raises(DataError, match="not a readable"):
+        read_flow(tmp_path / "f.npy")

@@ -13,7 +13,7 @@ from flowlik.egomotion._kernels import retract
 from flowlik.egomotion.covariance import observed_sensitivity, sandwich, score_covariance, temperature
 from flowlik.egomotion.maximise import maximise, transform
 from flowlik.egomotion.posterior import GaussianPrior, Tempered
-from flowlik.egomotion.residual import Chosen, Residual, draw_samples
+from flowlik.egomotion.residual import Chosen, Residual, composite_weight, draw_samples
 from flowlik.egomotion.result import EgoMotion, Status, conditioned, unsolved
 from flowlik.errors import DataError
 from flowlik.likelihood import FlowLikelihood
@@ -191,7 +191,7 @@ class Estimator:
         cut = None if self.refine_all or self.radius_px is not None else self.confidence
         counting = used if self.radius_px is None else self._inliers(residual, T, used)
         fisher = np.where(counting, self.likelihood.fisher(x, cut), 0.0)
-        weight = self.likelihood.composite_weight(x)
+        weight = composite_weight(residual, self.likelihood, x)
         A = J.T @ ((weight * fisher)[:, None] * J)
         variance = weight**2 * fisher
         if (correlation := self.likelihood.correlation) is None:
@@ -206,7 +206,7 @@ class Estimator:
         if self.likelihood.correlation is None or conditioned(basis, A)[0] is not Status.SOLVED:
             return A
         x = residual.coordinates(T, self.likelihood.schedule.index)
-        held = Chosen.of(self.likelihood, x, used)
+        held = Chosen.of(residual, self.likelihood, x, used)
         bounds = np.full(len(x), np.inf) if self.refine_all else self._bound(x)
 
         def gradient(step: Array) -> Array:

@@ -38,7 +38,7 @@ def maximise(
     Parameters
     ----------
     residual, likelihood : Residual, FlowLikelihood
-        Errors and their density, weighted by `FlowLikelihood.composite_weight`.
+        Errors and their density, weighted as `residual.composite_weight` says.
     T : array (3, 4)
         Motion to start from.
     chosen : bool array (C,)
@@ -55,7 +55,7 @@ def maximise(
     array (3, 4), float
         Motion, and the log-density there [nat].
     """
-    held = Chosen.of(likelihood, residual.coordinates(T, likelihood.schedule.index), chosen)
+    held = Chosen.of(residual, likelihood, residual.coordinates(T, likelihood.schedule.index), chosen)
 
     def equations(T: Array) -> tuple[Array, Array, float]:
         H, b, log_prob, lost = residual.equations(T, held, widened)

@@ -34,10 +34,12 @@ class Chosen(NamedTuple):
     tables: LikelihoodTables
 
     @classmethod
-    def of(cls, likelihood: FlowLikelihood, x: Array, used: NDArray[np.bool_]) -> Chosen:
-        """Components at coordinates x (C,) of which some are used."""
-        tables = likelihood.composite
-        return cls(used, tables.rows(x), likelihood.fisher(x) * likelihood.composite_weight(x), tables)
+    def of(cls, residual: Residual, likelihood: FlowLikelihood, x: Array, used: NDArray[np.bool_]) -> Chosen:
+        """Components of a residual at coordinates x (C,), of which some are used."""
+        tables = likelihood.composite if residual.metric else likelihood.compiled
+        return cls(
+            used, tables.rows(x), likelihood.fisher(x) * composite_weight(residual, likelihood, x), tables
+        )
 
 
 class Equations(NamedTuple):
@@ -139,6 +141,15 @@ class Residual(Protocol):
     def normalise(self, T: Array) -> Array:
         """Return the motion with what is unobservable set by convention."""
         ...
+
+
+def composite_weight(residual: Residual, likelihood: FlowLikelihood, x: Array) -> Array:
+    """Weight (C,) of each component's log-density in an estimate.
+
+    Without depth it is 1: the emphasis is calibrated on whole vectors, of which an epipolar error
+    is the part across its line (docs/decisions.md).
+    """
+    return likelihood.composite_weight(x) if residual.metric else np.ones(len(x))
 
 
 def equations_of(z: Array, J: Array, chosen: Chosen, widened: float) -> Equations:

@@ -80,7 +80,7 @@ def difference_covariance(
         T = motion.T_k_prev.as_matrix()[:3]
         _, normal, J = residual.linearise_with_normal(T)
         x, basis = residual.coordinates(T, likelihood.schedule.index), residual.basis(T)
-        fisher = likelihood.fisher(x) * likelihood.composite_weight(x) ** 2
+        fisher = likelihood.fisher(x)
         assert motion.sensitivity is not None
         effects.append(sign * J @ basis @ np.linalg.inv(basis.T @ motion.sensitivity @ basis) @ basis.T)
         fishers.append(fisher)
