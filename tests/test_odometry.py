@@ -12,7 +12,8 @@ from flowlik.features import features_of, measure_features
 from flowlik.flow import Farneback, LucasKanade
 from flowlik.flow.base import DenseFlow
 from flowlik.motion import exp_se3, h, inverse_range
-from flowlik.odometry import Odometry, run_odometry, scaled
+from flowlik.odometry import Odometry, scaled
+from flowlik.odometry_loop import run_odometry
 from flowlik.scale import scale_source, true_distance
 from flowlik.texture import TextureDefinition
 from tests.helpers import lcm_likelihood, textured_image
@@ -218,6 +219,16 @@ def test_the_loop_over_a_sequence_gives_its_poses(estimator, residual, scale):
     motions = list(run_odometry(Frames(), odometry, residual))
     assert len(motions) == 3
     assert_same(odometry.poses, poses(MOTIONS), atol=2e-3)
+
+
+def test_the_loop_finds_what_steps_find(estimator):
+    """Though it measures the next pair while it estimates."""
+    frames, robot, loop = Frames(), *(Odometry(CAMERA, ExactFlow(), estimator, seed=3) for _ in range(2))
+    for k in range(len(frames)):
+        robot.step(frames.image(k), frames.timestamp(k), DEPTH)
+    list(run_odometry(frames, loop, "depth"))
+    assert loop.timestamps == robot.timestamps
+    assert_same(loop.poses, robot.poses, atol=0)
 
 
 def test_the_loop_ends_after_the_frames_asked_for(estimator):

@@ -1,29 +1,24 @@
-"""Odometry: ego-motion a frame at a time, as a robot calls it, and the loop over a sequence."""
+"""Odometry: ego-motion a frame at a time, as a robot calls it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.boresight import Boresight
 from flowlik.camera import Array, Pinhole
-from flowlik.datasets.base import Sequence
-from flowlik.datasets.selection import whole_pair
 from flowlik.egomotion import EgoMotion, Epipolar, Estimator, KnownDepth, Residual, Status
 from flowlik.egomotion.prediction import ConstantMotion
 from flowlik.egomotion.result import unsolved
 from flowlik.egomotion.self_calibration import Intrinsics, SelfCalibration
 from flowlik.errors import DataError
 from flowlik.features import measure_features
-from flowlik.flow.base import FlowMethod, Image, check_pair, method_for_pair
+from flowlik.flow.base import FlowMethod, Image, check_pair
 from flowlik.measurements import Measurements
 from flowlik.scale import Norm, ScaleSource, Unscaled
-
-ResidualKind = Literal["depth", "epipolar"]
 
 
 class Step(NamedTuple):
@@ -33,6 +28,16 @@ class Step(NamedTuple):
     camera: Pinhole
     motion: EgoMotion
     residual: Residual
+
+
+class ImagePair(NamedTuple):
+    """Images k - 1 and k, the depth of the former, and the flow method between them."""
+
+    k: int
+    previous: Image
+    current: Image
+    depth: Array | None
+    method: FlowMethod
 
 
 class Odometry:
@@ -129,6 +134,16 @@ class Odometry:
         DataError
             If the image does not fit the camera, or time does not advance.
         """
+        pair = self.take(image, timestamp, depth)
+        if pair is None:
+            return unsolved(Status.TOO_FEW, "the first image has none before it")
+        return self.advance(self.measure(pair), pair.depth, distance_m, reference_m)
+
+    def take(self, image: Image, timestamp: float, depth: Array | None = None) -> ImagePair | None:
+        """Take the next image, as `step` does, and return the pair it makes with the one before.
+
+        `step` is this, then `measure`, which may run beside an `advance`, and `advance`.
+        """
         check_pair(image, image)
         size = f"{self.camera.width}x{self.camera.height}"
         for name, array in (("image", image), ("depth map", image if depth is None else depth)):
@@ -142,12 +157,20 @@ class Odometry:
         self.timestamps.append(timestamp)
         if previous is None:
             self.poses.append(RigidTransform.identity())
-            return unsolved(Status.TOO_FEW, "the first image has none before it")
-        k = len(self.poses)
+            return None
+        return ImagePair(len(self.timestamps) - 1, previous, image, known_depth, self.method)
+
+    def measure(self, pair: ImagePair) -> Measurements:
+        """Measurements of a pair, as the estimator's likelihood needs them."""
         likelihood = self.estimator.likelihood
-        signals = likelihood.signals
-        m = measure_features(previous, image, self.method, likelihood.texture, self.seed + k, signals)
-        return self.advance(m, known_depth, distance_m, reference_m)
+        return measure_features(
+            pair.previous,
+            pair.current,
+            pair.method,
+            likelihood.texture,
+            self.seed + pair.k,
+            likelihood.signals,
+        )
 
     def advance(
         self,
@@ -156,9 +179,9 @@ class Odometry:
         distance_m: float | None = None,
         reference_m: Array | None = None,
     ) -> EgoMotion:
-        """Take the measurements between the last image and the next, made elsewhere.
+        """Take the measurements between the last image and the next, made by `measure` or elsewhere.
 
-        `step` is this after `measure_features`; ``depth`` is that of the last image. No timestamp is kept.
+        ``depth`` is that of the last image. No timestamp is kept.
         """
         if not self.poses:
             self.poses.append(RigidTransform.identity())
@@ -237,51 +260,3 @@ def scaled(T_k_prev: RigidTransform, distance_m: float) -> RigidTransform:
     length = float(np.linalg.norm(T_k_prev.translation))
     factor = distance_m / length if length > 0 else 0.0
     return RigidTransform.from_components(T_k_prev.translation * factor, T_k_prev.rotation)
-
-
-def true_move(sequence: Sequence, k: int) -> Array:
-    """Move (3,) [m] of the true camera from frame k - 1 to k, in its frame at k - 1."""
-    return np.asarray((sequence.T_n_c(k - 1).inv() * sequence.T_n_c(k)).translation, dtype=np.float64)
-
-
-def run_odometry(
-    sequence: Sequence,
-    odometry: Odometry,
-    residual: ResidualKind,
-    frames: int | None = None,
-) -> Iterator[EgoMotion]:
-    """Loop over a sequence; afterwards ``odometry.poses`` holds the trajectory.
-
-    Parameters
-    ----------
-    sequence : Sequence
-        Images, with depth for the residual of known depth, and poses where a boresight is asked for.
-    odometry : Odometry
-        Fresh odometry.
-    residual : {"depth", "epipolar"}
-        Which residual.
-    frames : int, optional
-        Only the first so many frames.
-
-    Yields
-    ------
-    EgoMotion
-        Of every frame after the first.
-
-    Raises
-    ------
-    DataError
-        If the sequence lacks a field asked for.
-    """
-    count = len(sequence) if frames is None else min(frames, len(sequence))
-    method = odometry.method
-    for k in range(count):
-        if k > 0:
-            odometry.method = method_for_pair(method, *whole_pair(sequence, k - 1))
-        # the last frame's depth is never used, and data sets may lack it
-        depth = sequence.depth(k) if residual == "depth" and k < count - 1 else None
-        reference = true_move(sequence, k) if odometry.boresight is not None and k > 0 else None
-        motion = odometry.step(sequence.image(k), sequence.timestamp(k), depth, reference_m=reference)
-        if k > 0:
-            yield motion
-    odometry.method = method

@@ -20,7 +20,8 @@ from flowlik.flow import (
     method_label,
 )
 from flowlik.measurements import measure
-from flowlik.odometry import Odometry, run_odometry
+from flowlik.odometry import Odometry
+from flowlik.odometry_loop import run_odometry
 from tests.helpers import textured_image
 
 SHAPE = (12, 16)

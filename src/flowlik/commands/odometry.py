@@ -25,7 +25,8 @@ from flowlik.features import features_of
 from flowlik.flow import confirmed_method, describe, flow_method
 from flowlik.flow.base import FlowMethod
 from flowlik.model_file import load_likelihood
-from flowlik.odometry import Odometry, ResidualKind, run_odometry
+from flowlik.odometry import Odometry
+from flowlik.odometry_loop import ResidualKind, run_odometry
 from flowlik.progress import Progress, no_progress
 from flowlik.records import select
 from flowlik.ros_odometry import write_odometry_bag

@@ -24,7 +24,8 @@ from flowlik.features import measure_features
 from flowlik.flow import flow_method
 from flowlik.likelihood import FlowLikelihood
 from flowlik.measurements import Measurements
-from flowlik.odometry import Odometry, scaled, true_move
+from flowlik.odometry import Odometry, scaled
+from flowlik.odometry_loop import true_move
 from flowlik.progress import Progress, no_progress
 from flowlik.scale import scale_source, true_distance
 from flowlik.trajectory import Trajectory
