@@ -17,7 +17,7 @@ from egomotion_consistency import consistency_part
 from egomotion_flights import FRAMES, WORLD_SEEDS
 from egomotion_hover import hover
 from egomotion_real import real_part
-from egomotion_speed import chains, estimation
+from egomotion_speed import chains, estimation, loop
 from egomotion_table import table
 from egomotion_variants import METHODS
 from flowlik.progress import terminal_progress
@@ -51,6 +51,7 @@ def main() -> None:
     if "speed" in options.only:
         run.records += list(estimation(options.cache, 4 if quick else 10, 5 if quick else 20))
         run.records += list(chains(options.cache, 2 if quick else 6))
+        run.records += list(loop(options.cache, 2 if quick else 5))
     if "consistency" in options.only:
         poses = None if options.data is None else options.data / "kitti_poses"
         run.records += consistency_part(methods, options.cache, poses, quick, terminal_progress)

@@ -23,6 +23,8 @@ from flowlik.flow import flow_method
 from flowlik.flow.base import DenseFlow
 from flowlik.flow.lucas_kanade import detect_corners
 from flowlik.model_file import load_likelihood
+from flowlik.odometry import Odometry
+from flowlik.odometry_loop import run_odometry
 from flowlik.records import Record, protocol
 from timing import processor_times
 
@@ -216,6 +218,54 @@ def _chain(runs: Runs, firsts: list[int], method: str, model: str, repeats: int)
         "frames_per_second", 1e3 / ms["whole"], "1/s", FLIGHT.name, label(method), likelihood.family.name,
         likelihood.schedule.name, "lcmsac", len(firsts) * repeats, 0, note,
     )  # fmt: skip
+
+
+class ToAndFro:
+    """Decoded frames of one run, played to and fro: neighbours stay neighbours, for as long as wanted."""
+
+    def __init__(self, runs: Runs, frames: int) -> None:
+        self.name, self.camera, self._frames = runs.name, runs.camera, frames
+        self._images = [runs.image(k) for k in range(runs.run)]
+        self._depths = [runs.depth(k) for k in range(runs.run)]
+
+    def __len__(self) -> int:
+        return self._frames
+
+    def _k(self, k: int) -> int:
+        last = len(self._images) - 1
+        return last - abs(k % (2 * last) - last)
+
+    def image(self, k: int) -> np.ndarray:
+        return self._images[self._k(k)]
+
+    def depth(self, k: int) -> np.ndarray:
+        return self._depths[self._k(k)]
+
+    def timestamp(self, k: int) -> float:
+        return k / 60
+
+
+def loop(cache: Path, repeats: int) -> Iterator[Record]:
+    """Frames a second of `run_odometry`, which measures one pair while it estimates the last."""
+    flight = ToAndFro(rendered(FLIGHT, cache, None), 60)
+    print("\nloop over decoded images, the next pair's flow beside the last one's estimate")
+    for model in ("lucas-kanade-lcm", "lucas-kanade", "dis-lcm", "dis", "farneback-lcm", "farneback"):
+        likelihood = load_likelihood(model)
+        method = flow_method(likelihood.method or {})
+        rates = []
+        for _ in range(repeats + 1):
+            robot = Odometry(flight.camera, method, lcmsac(likelihood))
+            start = time.perf_counter()
+            solved = sum(motion.solved for motion in run_odometry(flight, robot, "depth"))
+            rates.append((len(flight) - 1) / (time.perf_counter() - start))
+            assert solved == len(flight) - 1
+        rate = float(np.median(rates[1:]))
+        print(f"{model:<18} {rate:6.1f} frames/s", flush=True)
+        yield Record(
+            "loop_frames_per_second", rate, "1/s", FLIGHT.name, label(method.name), likelihood.family.name,
+            likelihood.schedule.name, "lcmsac", len(flight) * repeats, 0,
+            protocol(model=model, threads=cv2.getNumThreads(), images="decoded"),
+        )  # fmt: skip
 
 
 def _now() -> tuple[float, float]:
