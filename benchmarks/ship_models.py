@@ -21,16 +21,19 @@ from flowlik.calibration import (
     Task,
     calibrate,
     index_form,
+    measured_pairs,
     merge_all,
     schedule_index,
     with_shared_errors,
 )
+from flowlik.calibration.shared_errors import Pairs
 from flowlik.evaluation.goodness import coverage, kolmogorov_smirnov, negative_log_likelihood
 from flowlik.families import error_family
 from flowlik.flow import flow_method
 from flowlik.likelihood import FlowLikelihood
 from flowlik.model_file import load_likelihood, save_likelihood
 from flowlik.schedule import Index
+from flowlik.texture import TextureDefinition
 
 DENSE_PIXELS = 20_000
 # flights of which one is taken for what errors share
@@ -59,14 +62,14 @@ def with_goodness(likelihood: FlowLikelihood, blocks: list[ErrorSketch]) -> Flow
     return replace(likelihood, goodness={**likelihood.goodness, **figures})
 
 
-def sharing(model: FlowLikelihood, cache: Path, kitti_poses: Path | None) -> FlowLikelihood:
-    """Likelihood with what its errors share on every third calibration flight."""
+def shared(method: str, signals: tuple[str, ...], cache: Path, kitti_poses: Path | None) -> Pairs:
+    """What errors share, on every third calibration flight."""
     blocks = [
         block
         for flight in CALIBRATION[::EVERY]
         for block in rendered(flight, cache, kitti_poses).blocks(flight.seed)
     ]
-    return with_shared_errors(blocks, model, flow_method(model.method or {}))
+    return measured_pairs(blocks, flow_method(method), TextureDefinition(), signals)
 
 
 def ship(method: str, cache: Path, kitti_poses: Path | None, out: Path) -> None:
@@ -82,9 +85,10 @@ def ship(method: str, cache: Path, kitti_poses: Path | None, out: Path) -> None:
     }
     index = schedule_index("index", [flight[0] for flight in flights], index_form(flow))
     over = [block.over(index) for block in by_texture]
+    pairs = shared(method, index.signals, cache, kitti_poses)
     for name, family, blocks in ((method, "glc", over), (f"{method}-lcm", "lcm", by_texture)):
         model = calibrate(blocks, error_family(family), flow, provenance=provenance)
-        model = sharing(model, cache, kitti_poses)
+        model = with_shared_errors(model, pairs)
         save_likelihood(with_goodness(model, blocks), out / f"{name}.json")
         print(name, model.goodness["fit"], f"{time.perf_counter() - start:.0f} s", flush=True)
 
@@ -101,12 +105,14 @@ def main() -> None:
     options = parser.parse_args()
     for method in options.methods:
         if options.shared:
-            for name in (method, f"{method}-lcm"):
-                model = sharing(
-                    load_likelihood(options.out / f"{name}.json"), options.cache, options.kitti_poses
-                )
-                save_likelihood(model, options.out / f"{name}.json")
-                print(name, model.emphasis, model.correlation, flush=True)
+            models = {
+                name: load_likelihood(options.out / f"{name}.json") for name in (method, f"{method}-lcm")
+            }
+            pairs = shared(method, models[method].signals, options.cache, options.kitti_poses)
+            for name, model in models.items():
+                found = with_shared_errors(model, pairs)
+                save_likelihood(found, options.out / f"{name}.json")
+                print(name, found.emphasis, found.correlation, flush=True)
             continue
         ship(method, options.cache, options.kitti_poses, options.out)
 

@@ -11,7 +11,14 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.calibration import Task, calibrate, sketch_blocks, split_blocks, with_shared_errors
+from flowlik.calibration import (
+    Task,
+    calibrate,
+    measured_pairs,
+    sketch_blocks,
+    split_blocks,
+    with_shared_errors,
+)
 from flowlik.camera import Pinhole
 from flowlik.datasets.base import Sequence
 from flowlik.egomotion import EgoMotion, GaussianPrior, KnownDepth, mle
@@ -33,7 +40,7 @@ def calibrated(method: LucasKanade) -> FlowLikelihood:
     blocks = split_blocks(flight, seed=1)
     sketches = [found[0] for found in sketch_blocks(blocks, [Task(method)])]
     likelihood = calibrate(sketches, LaplaceCauchy(), method)
-    return with_shared_errors(blocks, likelihood, method)
+    return with_shared_errors(likelihood, measured_pairs(blocks, method, likelihood.texture))
 
 
 def recursion(flight: Sequence, likelihood: FlowLikelihood, method: LucasKanade) -> Iterator[EgoMotion]:

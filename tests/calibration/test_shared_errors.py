@@ -7,6 +7,7 @@ from flowlik.calibration.run import split_blocks
 from flowlik.calibration.shared_errors import (
     EMPHASES,
     field_errors,
+    measured_pairs,
     spread_pairs,
     with_shared_errors,
 )
@@ -82,9 +83,10 @@ def test_a_calibrated_model_knows_what_errors_share_and_its_file_keeps_it(tmp_pa
     flight = simulate("planes", "training", 6, 6.0, 1, Pinhole.from_fov(160, 120, 90.0))
     blocks = spread_pairs(flight, 3, seed=1)
     assert [list(block.firsts) for block in blocks] == [[0], [2], [4]]
-    few = with_shared_errors(blocks, MODEL, METHOD)
-    assert few.emphasis == 0
-    found = with_shared_errors(7 * blocks, MODEL, METHOD)
+    pairs = measured_pairs(blocks, METHOD, MODEL.texture)
+    assert [len(z) == len(m) <= 1200 for m, z in pairs] == 3 * [True]
+    assert with_shared_errors(MODEL, pairs).emphasis == 0
+    found = with_shared_errors(MODEL, 7 * pairs)
     assert found.emphasis in EMPHASES[1:]
     assert found.correlation is not None
     save_likelihood(found, tmp_path / "model.json")
@@ -98,8 +100,8 @@ def test_the_papers_likelihood_keeps_its_product():
     flight = simulate("planes", "training", 3, 6.0, 1, Pinhole.from_fov(160, 120, 90.0))
     paper = load_likelihood("lucas-kanade-lcm")
     assert isinstance(paper.family, LaplaceCauchy)
-    found = with_shared_errors(split_blocks(flight, seed=1), paper, METHOD)
-    assert found.emphasis == 0.0
+    pairs = measured_pairs(split_blocks(flight, seed=1), METHOD, paper.texture)
+    assert with_shared_errors(paper, 20 * pairs).emphasis == 0.0
 
 
 def test_a_composite_weight_is_a_power_of_the_information():
@@ -122,4 +124,4 @@ def test_an_emphasis_out_of_range_is_refused(emphasis):
 
 def test_without_pairs_there_is_nothing_to_measure():
     with pytest.raises(CalibrationError, match="no image pairs"):
-        with_shared_errors([], MODEL, METHOD)
+        with_shared_errors(MODEL, [])

@@ -22,7 +22,7 @@ from flowlik.calibration.schedules import (
     index_form,
     schedule_index,
 )
-from flowlik.calibration.shared_errors import spread_pairs, with_shared_errors
+from flowlik.calibration.shared_errors import measured_pairs, spread_pairs, with_shared_errors
 from flowlik.calibration.sketch import ErrorSketch, merge_all
 
 __all__ = [
@@ -45,6 +45,7 @@ __all__ = [
     "gather",
     "index_form",
     "learn_index",
+    "measured_pairs",
     "merge_all",
     "pair_errors",
     "place_knots",

@@ -10,7 +10,7 @@ from functools import reduce
 import numpy as np
 
 from flowlik.calibration.correlation import ScoreProducts, fit_correlation
-from flowlik.calibration.pairs import PairErrors, pair_errors
+from flowlik.calibration.pairs import pair_errors
 from flowlik.calibration.run import Block
 from flowlik.camera import Array
 from flowlik.datasets.base import Sequence
@@ -21,6 +21,7 @@ from flowlik.flow.base import FlowMethod
 from flowlik.flow.lucas_kanade import detect_corners
 from flowlik.likelihood import FlowLikelihood
 from flowlik.measurements import Measurements, stratified_pixels
+from flowlik.texture import TextureDefinition
 
 VECTORS = 1200
 EMPHASES = np.arange(21) / 10
@@ -32,26 +33,33 @@ Pairs = list[tuple[Measurements, Array]]
 """Measurements and errors z (N, 2) [px] of image pairs."""
 
 
-def with_shared_errors(
+def measured_pairs(
     blocks: Seq[Block],
-    likelihood: FlowLikelihood,
     method: FlowMethod,
+    texture: TextureDefinition,
+    signals: tuple[str, ...] = (),
     map: Callable[..., Iterable[Pairs]] = map,
-) -> FlowLikelihood:
-    """Likelihood that knows what errors of its flow method share, measured on blocks of image pairs.
+) -> Pairs:
+    """Errors of 1200 random vectors of each pair of blocks, where an estimator takes them.
 
-    It goes through any `map` that keeps the order. The emphasis is that with the least error of an affine
-    motion field, whose logarithm is averaged over the pairs: cameras' motions move images smoothly, and this
-    needs their flow alone. Fewer than 20 pairs ask for none; in the paper's likelihood, Laplace-Cauchy over
-    texture, components count by their information alone.
+    Any `map` that keeps the order will do; ``signals`` are those of the likelihoods that are asked.
+    """
+    found = map(_pairs_of_block, blocks, *([each] * len(blocks) for each in (method, texture, signals)))
+    return [pair for of_block in found for pair in of_block]
+
+
+def with_shared_errors(likelihood: FlowLikelihood, pairs: Pairs) -> FlowLikelihood:
+    """Likelihood that knows what errors of its flow method share, by image pairs with truth.
+
+    The emphasis is that with the least error of an affine motion field, whose logarithm is averaged over the
+    pairs: cameras' motions move images smoothly, and this needs their flow alone. Fewer than 20 pairs ask for
+    none; in the paper's likelihood, Laplace-Cauchy over texture, components count by their information alone.
 
     Raises
     ------
     CalibrationError
-        If there are no pairs of flow vectors.
+        If there are no pairs.
     """
-    found = map(_pairs_of_block, blocks, [likelihood] * len(blocks), [method] * len(blocks))
-    pairs = [pair for of_block in found for pair in of_block]
     if not pairs:
         raise CalibrationError("no image pairs with flow vectors to take the correlation of scores from")
     correlation = fit_correlation(
@@ -94,20 +102,17 @@ def spread_pairs(sequence: Sequence, most: int, seed: int) -> list[Block]:
     return [Block(sequence, range(k, k + 1), seed) for k in firsts.tolist()]
 
 
-def _pairs_of_block(block: Block, likelihood: FlowLikelihood, method: FlowMethod) -> Pairs:
-    """Errors of 1200 random vectors of each pair."""
-    found = [_errors_where_estimated(block, k, likelihood, method) for k in block.firsts]
-    return [(e.measurements, e.z) for e in found if len(e.z) >= FEWEST]
-
-
-def _errors_where_estimated(
-    block: Block, k: int, likelihood: FlowLikelihood, method: FlowMethod
-) -> PairErrors:
-    """Errors of a pair at some of the pixels where an estimator takes its vectors."""
-    rng = np.random.default_rng([block.seed, k])
-    image = block.sequence.image(k)
-    sparse = isinstance(method, LucasKanade)
-    pixels = detect_corners(image) if sparse else stratified_pixels(image.shape, 4000, rng)
-    chosen = pixels[rng.permutation(len(pixels))[:VECTORS]]
-    signals = likelihood.schedule.index.signals
-    return pair_errors(block.sequence, k, method, likelihood.texture, chosen, signals)
+def _pairs_of_block(
+    block: Block, method: FlowMethod, texture: TextureDefinition, signals: tuple[str, ...]
+) -> Pairs:
+    found = []
+    for k in block.firsts:
+        rng = np.random.default_rng([block.seed, k])
+        image = block.sequence.image(k)
+        sparse = isinstance(method, LucasKanade)
+        pixels = detect_corners(image) if sparse else stratified_pixels(image.shape, 4000, rng)
+        chosen = pixels[rng.permutation(len(pixels))[:VECTORS]]
+        e = pair_errors(block.sequence, k, method, texture, chosen, signals)
+        if len(e.z) >= FEWEST:
+            found.append((e.measurements, e.z))
+    return found

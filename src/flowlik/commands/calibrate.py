@@ -18,6 +18,7 @@ from flowlik.calibration import (
     executor,
     gather,
     index_form,
+    measured_pairs,
     merge_all,
     schedule_index,
     split_blocks,
@@ -146,10 +147,11 @@ def calibrate(
     run.save("table", label, evidence.table(merge_all(blocks_of_chosen), chosen, bands))
     spread = [b for s in sequences for b in spread_pairs(s, max(2, SHARED_PAIRS // len(sequences)), seed)]
     with executor(execution.executor, execution.workers, execution.scheduler) as block_map:
-        chosen = with_shared_errors(
-            spread, chosen, flow,
+        pairs = measured_pairs(
+            spread, flow, chosen.texture, chosen.signals,
             lambda work, *items: progress(block_map(work, *items), "what errors share", len(spread)),
         )  # fmt: skip
+    chosen = with_shared_errors(chosen, pairs)
     save_likelihood(with_goodness(chosen, run.records), run.path / "models" / f"{label}.json")
     run.finish()
     return run

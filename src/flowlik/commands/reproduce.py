@@ -12,6 +12,7 @@ from flowlik.calibration import (
     Task,
     gather,
     index_form,
+    measured_pairs,
     merge_all,
     schedule_index,
     sketch_blocks,
@@ -32,7 +33,7 @@ from flowlik.progress import Progress, no_progress
 from flowlik.runs import RunFolder
 from flowlik.schedule import Index
 
-SHARED_PAIRS = 5
+SHARED_PAIRS = 3
 """Of every calibration flight, for what errors share."""
 
 
@@ -121,7 +122,8 @@ def _calibrate(
     best = fit_families(over, method, provenance, (BEST_FAMILY,), SMOOTHING_NAT)
     _add_evidence(run, over, best, dataset, method, plan, "calibration")
     used = {"index": best[BEST_FAMILY], "lcm": models["lcm"]}
-    used = {name: with_shared_errors(spread, model, method) for name, model in used.items()}
+    pairs = measured_pairs(spread, method, used["index"].texture, used["index"].signals)
+    used = {name: with_shared_errors(model, pairs) for name, model in used.items()}
     folder = run.path / "models"
     save_likelihood(with_goodness(used["index"], run.records), folder / f"{method.name}.json")
     save_likelihood(with_goodness(used["lcm"], run.records), folder / f"{method.name}-lcm.json")
