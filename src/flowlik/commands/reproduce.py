@@ -6,6 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from flowlik.calibration import (
+    BOOTSTRAP_BLOCKS,
     SMOOTHING_NAT,
     Block,
     ErrorSketch,
@@ -66,7 +67,8 @@ def reproduce(
     for flight in plan.calibration:
         seeing = [method for method in methods if method.name in flight.methods]
         tasks = [Task(m, keep=index_form(m).covariates, pixels=plan.dense_pixels) for m in seeing]
-        for method, blocks in zip(seeing, _sketch(run, plan, flight, camera, tasks, progress)):
+        most = max(2, BOOTSTRAP_BLOCKS // len(plan.calibration))
+        for method, blocks in zip(seeing, _sketch(run, plan, flight, camera, tasks, progress, most)):
             sketches[method.name].append(blocks)
     models = {}
     for method in progress(iter(methods), "fits", len(methods)):
@@ -81,7 +83,7 @@ def reproduce(
     for flight in plan.held_out:
         indices = [(Index(), models[method.name]["index"].schedule.index) for method in methods]
         tasks = [Task(m, i, pixels=plan.dense_pixels) for m, i in zip(methods, indices)]
-        found = iter(_sketch(run, plan, flight, camera, tasks, progress))
+        found = iter(_sketch(run, plan, flight, camera, tasks, progress, BOOTSTRAP_BLOCKS // len(tasks)))
         for method in methods:
             _evaluate(run, plan, flight, method, models[method.name], next(found), next(found))
         fly(run, plan, flight, camera, methods, models, progress)
@@ -91,12 +93,18 @@ def reproduce(
 
 
 def _sketch(
-    run: RunFolder, plan: Plan, flight: Flight, camera: Pinhole, tasks: list[Task], progress: Progress
+    run: RunFolder,
+    plan: Plan,
+    flight: Flight,
+    camera: Pinhole,
+    tasks: list[Task],
+    progress: Progress,
+    most: int,
 ) -> list[list[ErrorSketch]]:
-    """Blocks of sketches of a flight, a list for each task and each of its indices."""
+    """At most so many blocks of sketches of a flight, a list for each task and each of its indices."""
     blocks = split_blocks(flight_sequence(run, plan, flight, camera), flight.seed, BLOCK)
     sketched = progress(sketch_blocks(blocks, tasks), plan.dataset(flight), len(blocks))
-    return gather(sketched, len(blocks))
+    return gather(sketched, len(blocks), most)
 
 
 def _calibrate(
