@@ -52,7 +52,9 @@ def draw_trajectories(data: Data) -> Figure:
     top.legend(loc="best")
     if truth is not None:
         panels[1].set(xlabel="time  [s]", ylabel=f"position error  [{unit}]")
-        panels[1].set_ylim(0, 1.25 * panels[1].get_ylim()[1])
+        # room for the legend above the curves
+        entries = min(len(positions), 12)
+        panels[1].set_ylim(0, panels[1].get_ylim()[1] / (1 - 0.05 * max(entries, 4)))
         panels[1].set_title("distance to the true position", fontsize=9.5)
         panels[1].legend(loc="upper left")
     return figure
