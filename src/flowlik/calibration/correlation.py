@@ -119,12 +119,14 @@ def fit_correlation(sums: ScoreProducts) -> ScoreCorrelation:
     means = np.concatenate([each[rows] / norm for each in (sums.dot, sums.along, sums.down)])
     root = np.tile(np.sqrt(norm / norm.max()), 3)
     fitted, _ = nnls(basis * root[:, None], means * root)
+    # last bits differ between processes, and a model should not
+    fitted = np.round(fitted, 9)
     isotropic, along, vertical = fitted.reshape(3, -1)
     # the rest of the scores' variance is each vector's own
     own = 0.5 * sums.dot[0] / sums.norm[0] - isotropic.sum() - 0.5 * (along.sum() + vertical.sum())
     return ScoreCorrelation(
         scales,
-        np.concatenate([[max(own, 0.0)], isotropic]),
+        np.concatenate([[max(round(own, 9), 0.0)], isotropic]),
         np.concatenate([[0.0], along]),
         np.concatenate([[0.0], vertical]),
     )
