@@ -44,7 +44,7 @@ tried() {
 failed=0
 for name in $which; do
     case $name in
-        oldest) packages=('numpy==1.26.*' 'scipy==1.16.*' 'opencv-python-headless==4.10.*' 'numba==0.61.*') ;;
+        oldest) packages=('numpy==1.26.*' 'scipy==1.17.*' 'opencv-python-headless==4.10.*' 'numba==0.61.*') ;;
         newest) packages=('numpy>=2' 'scipy>=1.17' 'opencv-python-headless>=5,<6') ;;
         *) echo "versions.sh: oldest or newest, not $name" >&2; exit 2 ;;
     esac
