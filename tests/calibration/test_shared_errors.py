@@ -12,6 +12,7 @@ from flowlik.calibration.shared_errors import (
     with_shared_errors,
 )
 from flowlik.camera import Pinhole
+from flowlik.datasets.base import PairSequence
 from flowlik.errors import CalibrationError, ModelError
 from flowlik.families import Gaussian, LaplaceCauchy
 from flowlik.flow import LucasKanade, describe
@@ -94,6 +95,15 @@ def test_a_calibrated_model_knows_what_errors_share_and_its_file_keeps_it(tmp_pa
     assert again.emphasis == found.emphasis
     x = np.linspace(*KNOTS, 5)
     np.testing.assert_allclose(again.composite_weight(x), found.composite_weight(x))
+
+
+def test_isolated_pairs_are_not_mixed():
+    class Pairs(PairSequence):
+        def __len__(self):
+            return 10
+
+    assert [list(block.firsts) for block in spread_pairs(Pairs(), 3, seed=1)] == [[0], [4], [8]]
+    assert [list(block.firsts) for block in spread_pairs(Pairs(), 60, seed=1)] == [[0], [2], [4], [6], [8]]
 
 
 def test_the_papers_likelihood_keeps_its_product():

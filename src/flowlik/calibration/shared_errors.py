@@ -13,11 +13,11 @@ from flowlik.calibration.correlation import ScoreProducts, fit_correlation
 from flowlik.calibration.pairs import pair_errors
 from flowlik.calibration.run import Block
 from flowlik.camera import Array
-from flowlik.datasets.base import Sequence
+from flowlik.datasets.base import Sequence, frame_pairs
 from flowlik.errors import CalibrationError
 from flowlik.families import LaplaceCauchy
-from flowlik.flow import LucasKanade
-from flowlik.flow.base import FlowMethod
+from flowlik.features import DENSE_PIXELS
+from flowlik.flow.base import DenseFlow, FlowMethod
 from flowlik.flow.lucas_kanade import detect_corners
 from flowlik.likelihood import FlowLikelihood
 from flowlik.measurements import Measurements, stratified_pixels
@@ -97,9 +97,9 @@ def field_errors(likelihood: FlowLikelihood, m: Measurements, z: Array) -> Array
 
 def spread_pairs(sequence: Sequence, most: int, seed: int) -> list[Block]:
     """At most so many pairs of a sequence, evenly spread, a block each."""
-    count = len(sequence) - 1
-    firsts = np.unique(np.linspace(0, count - 1, max(min(most, count), 0)).astype(int))
-    return [Block(sequence, range(k, k + 1), seed) for k in firsts.tolist()]
+    firsts = frame_pairs(sequence)
+    chosen = np.linspace(0, len(firsts) - 1, min(most, len(firsts))).astype(int).tolist()
+    return [Block(sequence, firsts[i : i + 1], seed) for i in chosen]
 
 
 def _pairs_of_block(
@@ -109,8 +109,8 @@ def _pairs_of_block(
     for k in block.firsts:
         rng = np.random.default_rng([block.seed, k])
         image = block.sequence.image(k)
-        sparse = isinstance(method, LucasKanade)
-        pixels = detect_corners(image) if sparse else stratified_pixels(image.shape, 4000, rng)
+        dense = isinstance(method, DenseFlow)
+        pixels = stratified_pixels(image.shape, DENSE_PIXELS, rng) if dense else detect_corners(image)
         chosen = pixels[rng.permutation(len(pixels))[:VECTORS]]
         e = pair_errors(block.sequence, k, method, texture, chosen, signals)
         if len(e.z) >= FEWEST:
