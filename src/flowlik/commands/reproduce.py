@@ -8,7 +8,6 @@ from pathlib import Path
 from flowlik.calibration import (
     BOOTSTRAP_BLOCKS,
     SMOOTHING_NAT,
-    Block,
     ErrorSketch,
     Task,
     gather,
@@ -21,10 +20,12 @@ from flowlik.calibration import (
     spread_pairs,
     with_shared_errors,
 )
+from flowlik.calibration.shared_errors import Pairs
 from flowlik.camera import Pinhole
 from flowlik.commands.calibrate import BEST_FAMILY, add_evidence, fit_families, with_goodness
 from flowlik.commands.plans import FAMILIES_SHOWN, METHODS, QUICK, Flight, Plan
 from flowlik.commands.reproduce_flights import BLOCK, add_ratios, flight_sequence, fly
+from flowlik.datasets.base import Sequence
 from flowlik.evaluation.evidence import table
 from flowlik.flow import flow_method
 from flowlik.flow.base import FlowMethod
@@ -64,26 +65,25 @@ def reproduce(
     camera = Pinhole.from_fov(plan.width, plan.height, plan.fov_deg)
 
     sketches: dict[str, list[list[ErrorSketch]]] = {method.name: [] for method in methods}
+    pairs: dict[str, Pairs] = {method.name: [] for method in methods}
+    most = max(2, BOOTSTRAP_BLOCKS // len(plan.calibration))
     for flight in plan.calibration:
         seeing = [method for method in methods if method.name in flight.methods]
         tasks = [Task(m, keep=index_form(m).covariates, pixels=plan.dense_pixels) for m in seeing]
-        most = max(2, BOOTSTRAP_BLOCKS // len(plan.calibration))
-        for method, blocks in zip(seeing, _sketch(run, plan, flight, camera, tasks, progress, most)):
-            sketches[method.name].append(blocks)
+        sequence = flight_sequence(run, plan, flight, camera)
+        for task, blocks in zip(tasks, _sketch(sequence, plan, flight, tasks, progress, most)):
+            sketches[task.method.name].append(blocks)
+            spread = spread_pairs(sequence, SHARED_PAIRS, flight.seed)
+            pairs[task.method.name] += measured_pairs(spread, task.method, task.texture, task.signals)
     models = {}
     for method in progress(iter(methods), "fits", len(methods)):
-        spread = [
-            block
-            for flight in plan.calibration
-            if method.name in flight.methods
-            for block in spread_pairs(flight_sequence(run, plan, flight, camera), SHARED_PAIRS, flight.seed)
-        ]
-        models[method.name] = _calibrate(run, plan, method, sketches[method.name], spread)
+        models[method.name] = _calibrate(run, plan, method, sketches[method.name], pairs[method.name])
 
     for flight in plan.held_out:
         indices = [(Index(), models[method.name]["index"].schedule.index) for method in methods]
         tasks = [Task(m, i, pixels=plan.dense_pixels) for m, i in zip(methods, indices)]
-        found = iter(_sketch(run, plan, flight, camera, tasks, progress, BOOTSTRAP_BLOCKS // len(tasks)))
+        sequence = flight_sequence(run, plan, flight, camera)
+        found = iter(_sketch(sequence, plan, flight, tasks, progress, BOOTSTRAP_BLOCKS // len(tasks)))
         for method in methods:
             _evaluate(run, plan, flight, method, models[method.name], next(found), next(found))
         fly(run, plan, flight, camera, methods, models, progress)
@@ -93,16 +93,15 @@ def reproduce(
 
 
 def _sketch(
-    run: RunFolder,
+    sequence: Sequence,
     plan: Plan,
     flight: Flight,
-    camera: Pinhole,
     tasks: list[Task],
     progress: Progress,
     most: int,
 ) -> list[list[ErrorSketch]]:
     """At most so many blocks of sketches of a flight, a list for each task and each of its indices."""
-    blocks = split_blocks(flight_sequence(run, plan, flight, camera), flight.seed, BLOCK)
+    blocks = split_blocks(sequence, flight.seed, BLOCK)
     sketched = progress(sketch_blocks(blocks, tasks), plan.dataset(flight), len(blocks))
     return gather(sketched, len(blocks), most)
 
@@ -112,7 +111,7 @@ def _calibrate(
     plan: Plan,
     method: FlowMethod,
     flights: list[list[ErrorSketch]],
-    spread: list[Block],
+    pairs: Pairs,
 ) -> dict[str, FlowLikelihood]:
     """Likelihoods of every family over texture, by family, and ``"index"``: the best over a learned index."""
     blocks = [block for flight in flights for block in flight]
@@ -129,9 +128,8 @@ def _calibrate(
     over = [block.over(index) for block in blocks]
     best = fit_families(over, method, provenance, (BEST_FAMILY,), SMOOTHING_NAT)
     _add_evidence(run, over, best, dataset, method, plan, "calibration")
-    used = {"index": best[BEST_FAMILY], "lcm": models["lcm"]}
-    pairs = measured_pairs(spread, method, used["index"].texture, used["index"].signals)
-    used = {name: with_shared_errors(model, pairs) for name, model in used.items()}
+    fitted = {"index": best[BEST_FAMILY], "lcm": models["lcm"]}
+    used = {name: with_shared_errors(model, pairs) for name, model in fitted.items()}
     folder = run.path / "models"
     save_likelihood(with_goodness(used["index"], run.records), folder / f"{method.name}.json")
     save_likelihood(with_goodness(used["lcm"], run.records), folder / f"{method.name}-lcm.json")
