@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from flowlik.cli.options import Json
+from flowlik.cli.options import Json, console
 
 
 def run(json: Json = False) -> None:
@@ -17,10 +17,8 @@ def run(json: Json = False) -> None:
     `flowlik doctor --json`, to put into a report of an error. Exit code 2 if the self-test fails.
     """
     import json as json_module
-    import sys
     from dataclasses import asdict
 
-    from rich.console import Console
     from rich.table import Table
 
     from flowlik.commands.doctor import doctor
@@ -33,7 +31,6 @@ def run(json: Json = False) -> None:
         content = {**asdict(found), "healthy": found.healthy}
         typer.echo(json_module.dumps(content, indent=1, ensure_ascii=False))
     else:
-        console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
         table = Table(show_header=False, box=None, pad_edge=False)
         for name, value in {**found.versions, **found.system}.items():
             table.add_row(name, value)
@@ -43,6 +40,6 @@ def run(json: Json = False) -> None:
         for check in found.checks:
             outcome = "ok" if check.passed else "FAILED"
             table.add_row(check.name, f"{outcome}: {check.found} ({check.seconds:.1f} s)")
-        console.print(table)
+        console(highlight=False).print(table)
     if not found.healthy:
         raise typer.Exit(2)

@@ -15,6 +15,8 @@ from flowlik.cli import complete
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from rich.console import Console
+
     from flowlik.records import Record
     from flowlik.runs import RunFolder
 
@@ -120,6 +122,13 @@ def show_run(run: RunFolder, as_json: bool) -> None:
     typer.echo(f"report: {run.path / 'report.html'}", err=True)
 
 
+def console(highlight: bool = True) -> Console:
+    """Standard output for tables: as wide as the terminal, or 140 columns in a pipe."""
+    from rich.console import Console
+
+    return Console(width=None if sys.stdout.isatty() else 140, highlight=highlight)
+
+
 def show_records(records: Sequence[Record], as_json: bool) -> None:
     """Print records as JSON, or as a table with units: the main ones, where there are many."""
     if as_json:
@@ -127,7 +136,6 @@ def show_records(records: Sequence[Record], as_json: bool) -> None:
 
         typer.echo(json.dumps([asdict(record) for record in records], indent=1, ensure_ascii=False))
         return
-    from rich.console import Console
     from rich.table import Table
 
     from flowlik.report.tables import reason
@@ -141,6 +149,6 @@ def show_records(records: Sequence[Record], as_json: bool) -> None:
     for r in records:
         value = "–" if r.value is None else f"{r.value:.5g}"
         table.add_row(r.dataset, r.flow, r.family, r.schedule, r.estimator, r.metric, value, r.unit)
-    Console(width=None if sys.stdout.isatty() else 140).print(table)
+    console().print(table)
     for why in dict.fromkeys(f"{r.metric}: {reason(r)}" for r in records if r.value is None):
         typer.echo(why)
