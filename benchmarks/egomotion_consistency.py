@@ -14,7 +14,14 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from calibration_plan import REPORT
-from egomotion_variants import RADIUS_PX, Variants, label, residuals_of_flight, variants
+from egomotion_variants import (
+    RADIUS_PX,
+    Variants,
+    label,
+    residuals_of_flight,
+    translation_error,
+    variants,
+)
 from flights import Flight
 from flowlik.egomotion import EgoMotion
 from flowlik.evaluation.consistency import consistency, consistency_records, tangent_errors
@@ -59,30 +66,28 @@ def consistency_part(
             true: list[RigidTransform] = []
             for flight in progress(iter(flights), f"{method} in {world}", len(flights)):
                 pairs = residuals_of_flight(flight, method, cache, kitti_poses)
-                found = [everyone.motions(residual, k) for k, (residual, _) in enumerate(pairs)]
+                found = everyone.motions_over(pairs)
                 truth = [T for _, T in pairs]
                 records += _of_flight(everyone, flight, found, truth)
                 true += truth
                 for name, of_name in motions.items():
-                    of_name += [of_pair[name] for of_pair in found]  # type: ignore[misc]
+                    of_name += found[name]  # type: ignore[arg-type]
             if true:
                 records += _of_world(everyone, world, motions, true)
     return records
 
 
 def _of_flight(
-    everyone: Variants, flight: Flight, found: list[dict[str, Found]], true: list[RigidTransform]
+    everyone: Variants, flight: Flight, found: dict[str, list[Found]], true: list[RigidTransform]
 ) -> list[Record]:
     """Median errors of a frame's motion; one that is not found stands still."""
     records = []
     print(f"\n{everyone.method}, {flight.name}, {len(true)} pairs: median errors, mm and 0.001 deg")
-    for name in everyone.names:
-        motions = [of_pair[name] for of_pair in found]
+    for name, motions in found.items():
         poses = [m.T_k_prev if isinstance(m, EgoMotion) else m for m in motions]
-        poses = [RigidTransform.identity() if T is None else T for T in poses]
-        errors = [T * t.inv() for T, t in zip(poses, true)]
-        trans = float(np.median([np.linalg.norm(T.translation - t.translation) for T, t in zip(poses, true)]))
-        rot = float(np.median([np.degrees(e.rotation.magnitude()) for e in errors]))
+        turned = [(t.rotation if T is None else T.rotation * t.rotation.inv()) for T, t in zip(poses, true)]
+        trans = float(np.median([translation_error(T, t) for T, t in zip(poses, true)]))
+        rot = float(np.median([np.degrees(rotation.magnitude()) for rotation in turned]))
         base = Record(
             "", None, "", flight.name, label(everyone.method), estimator=name, count=len(true),
             protocol=protocol(residual="depth", scale="depth", align="none"),

@@ -60,11 +60,11 @@ class Variants:
         return {**found, **{name: rival(residual) for name, rival in self.rivals.items()}}
 
     def motions_over(
-        self, pairs: Iterable[tuple[KnownDepth, RigidTransform, float]], seed: int = 0
+        self, pairs: Iterable[tuple[KnownDepth, *tuple[object, ...]]], seed: int = 0
     ) -> dict[str, list[EgoMotion | RigidTransform | None]]:
-        """Everyone's motions over the pairs of `residuals`, by name."""
+        """Everyone's motions over the pairs of `residuals` or `residuals_of_flight`, by name."""
         found: dict[str, list[EgoMotion | RigidTransform | None]] = {name: [] for name in self.names}
-        for k, (residual, _, _) in enumerate(pairs):
+        for k, (residual, *_) in enumerate(pairs):
             for name, motion in self.motions(residual, seed + k).items():
                 found[name].append(motion)
         return found
