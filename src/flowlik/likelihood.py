@@ -147,7 +147,7 @@ class FlowLikelihood:
         """
         if self.emphasis == 0:
             return np.ones(np.shape(x))
-        return np.asarray((self.fisher(x) / self.fisher(self._nodes).max()) ** self.emphasis)
+        return np.asarray((self.fisher(x) / self._most_fisher) ** self.emphasis)
 
     def _interpolate(self, x: Array | float, values: Array) -> Array:
         """Values at x, given at the nodes."""
@@ -166,6 +166,10 @@ class FlowLikelihood:
         if self.emphasis == 0:
             return self.compiled
         return self.compiled.times(self.composite_weight(self.compiled.x)[:, None].astype(np.float32))
+
+    @cached_property
+    def _most_fisher(self) -> float:
+        return float(self.fisher(self._nodes).max())
 
     @cached_property
     def _nodes(self) -> Array:

@@ -30,7 +30,7 @@ class Step(NamedTuple):
     residual: Residual
 
 
-class ImagePair(NamedTuple):
+class FramePair(NamedTuple):
     """Images k - 1 and k, the depth of the former, and the flow method between them."""
 
     k: int
@@ -139,7 +139,7 @@ class Odometry:
             return unsolved(Status.TOO_FEW, "the first image has none before it")
         return self.advance(self.measure(pair), pair.depth, distance_m, reference_m)
 
-    def take(self, image: Image, timestamp: float, depth: Array | None = None) -> ImagePair | None:
+    def take(self, image: Image, timestamp: float, depth: Array | None = None) -> FramePair | None:
         """Take the next image, as `step` does, and return the pair it makes with the one before.
 
         `step` is this, then `measure`, which may run beside an `advance`, and `advance`.
@@ -158,9 +158,9 @@ class Odometry:
         if previous is None:
             self.poses.append(RigidTransform.identity())
             return None
-        return ImagePair(len(self.timestamps) - 1, previous, image, known_depth, self.method)
+        return FramePair(len(self.timestamps) - 1, previous, image, known_depth, self.method)
 
-    def measure(self, pair: ImagePair) -> Measurements:
+    def measure(self, pair: FramePair) -> Measurements:
         """Measurements of a pair, as the estimator's likelihood needs them."""
         likelihood = self.estimator.likelihood
         return measure_features(
