@@ -145,15 +145,15 @@ def recovered(records: list[Record], dataset: str) -> Record:
         (found,) = select(records, dataset=dataset, estimator=estimator, metric="t_err_percent")
         return np.nan if found.value is None else found.value
 
-    right = t_err(dataset, "mle-nominal")
+    right = t_err(dataset, "lcmsac-nominal")
     wrong, mended = (
-        t_err(f"{dataset}-wrong-intrinsics", f"mle-{row}") for row in ("nominal", "self-calibrated")
+        t_err(f"{dataset}-wrong-intrinsics", f"lcmsac-{row}") for row in ("nominal", "self-calibrated")
     )
     share = (wrong - mended) / (wrong - right)
     note = protocol(cx_px=WRONG_CX_PX, k1=WRONG_K1)
     value = float(share) if np.isfinite(share) else None
     return Record(
-        "recovered_share", value, "", f"{dataset}-wrong-intrinsics", estimator="mle-self-calibrated",
+        "recovered_share", value, "", f"{dataset}-wrong-intrinsics", estimator="lcmsac-self-calibrated",
         protocol=note,
     )  # fmt: skip
 

@@ -120,17 +120,27 @@ class Distortion:
         square = (points**2).sum(axis=-1, keepdims=True)
         return np.asarray(points * (1 + square * (self.k1 + self.k2 * square)))
 
+    @property
+    def fold(self) -> float:
+        """Radius of true points at which the radius seen stops growing; infinite where it never does."""
+        # the slope 1 + 3 k1 q + 5 k2 q^2 is 0 at the smallest positive q = 2 / below
+        discriminant = 9 * self.k1**2 - 20 * self.k2
+        below = np.sqrt(discriminant) - 3 * self.k1 if discriminant >= 0 else 0.0
+        return float(np.sqrt(2 / below)) if below > 1e-12 else np.inf
+
     def undistort(self, points: Array) -> Array:
-        """True points (N, 2) on the plane z = 1 of seen ones, by Newton's method on the radius."""
+        """True points (N, 2) on the plane z = 1 of seen ones, by Newton's method on the radius.
+
+        Beyond what the fold shows there is no true point; such a point is put on the fold.
+        """
         seen = np.linalg.norm(points, axis=-1, keepdims=True)
-        radius = seen
+        fold = self.fold
+        radius = np.minimum(seen, fold)
         for _ in range(NEWTON_STEPS):
             square = radius**2
             slope = 1 + square * (3 * self.k1 + 5 * self.k2 * square)
-            # beyond where the radius seen stops growing there is no true one: the slope stays positive
-            radius = radius - (radius * (1 + square * (self.k1 + self.k2 * square)) - seen) / np.maximum(
-                slope, LEAST_SLOPE
-            )
+            excess = radius * (1 + square * (self.k1 + self.k2 * square)) - seen
+            radius = np.clip(radius - excess / np.maximum(slope, LEAST_SLOPE), 0.0, fold)
         return np.asarray(points * np.divide(radius, seen, out=np.ones_like(seen), where=seen > 0))
 
     def stretch(self, points: Array, normals: Array) -> Array:
@@ -142,7 +152,7 @@ class Distortion:
         scale = 1 + square * (self.k1 + self.k2 * square)
         bend = 2 * self.k1 + 4 * self.k2 * square
         # the inverse of scale I + bend x x^T
-        along = (points * normals).sum(axis=-1) * bend / (scale + bend * square)
+        along = (points * normals).sum(axis=-1) * bend / np.maximum(scale + bend * square, LEAST_SLOPE)
         return np.asarray(scale / np.linalg.norm(normals - along[..., None] * points, axis=-1))
 
     def ideal_pixels(self, camera: Pinhole, pixels: Array) -> Array:

@@ -224,8 +224,10 @@ class Odometry:
         motion = self.estimator.estimate(residual, seed=np.random.default_rng([self.seed, k]), start=start)
         if intrinsics is not None:
             if motion.status is Status.SOLVED and not residual.metric:
-                T = motion.T_k_prev.as_matrix()[:3]
-                intrinsics = intrinsics.updated(raw, T, self.estimator.likelihood)
+                evidence = intrinsics.evidence(raw, motion.T_k_prev.as_matrix()[:3], self.estimator)
+                unknown = intrinsics.motion_covariance(evidence)
+                motion = replace(motion, covariance=motion.covariance + unknown)
+                intrinsics = intrinsics.updated(evidence)
             self.intrinsics.append(intrinsics)
         self.last = Step(m, camera, motion, residual)
         return motion

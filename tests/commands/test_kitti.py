@@ -41,17 +41,17 @@ def test_the_table_has_all_rows_and_the_published_figures(root, model, tmp_path)
     records = read_records(run.path / "metrics.json")
     assert {r.dataset for r in records} == {"kitti/01"}  # Table III's, as far as they are there
     measured = {r.estimator for r in select(records, metric="rpe_rot_median_deg")}
-    ours = {"mle-nominal", "mle-self-calibrated", "mle-boresight"}
+    ours = {"lcmsac-nominal", "lcmsac-self-calibrated", "lcmsac-boresight"}
     assert measured == ours | {"opencv-ransac", "opencv-magsac", "poselib", "poselib-cauchy"}
     (paper,) = select(records, estimator="lcmsac-paper")
     assert (paper.value, paper.metric) == (0.942, "t_err_percent")
-    (short,) = select(records, estimator="mle-nominal", metric="t_err_percent_low")
+    (short,) = select(records, estimator="lcmsac-nominal", metric="t_err_percent_low")
     assert short.value is None
     assert "holds no segment of 100 m" in short.protocol
-    (turned,) = select(records, estimator="mle-boresight", metric="rpe_trans_median_m")
+    (turned,) = select(records, estimator="lcmsac-boresight", metric="rpe_trans_median_m")
     assert "boresight=causal" in turned.protocol
     assert "scale=truth-norm" in turned.protocol
-    (calibrated,) = select(records, estimator="mle-self-calibrated", metric="rpe_trans_median_m")
+    (calibrated,) = select(records, estimator="lcmsac-self-calibrated", metric="rpe_trans_median_m")
     assert "self_calibrate=true" in calibrated.protocol
 
 

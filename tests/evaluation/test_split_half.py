@@ -71,9 +71,10 @@ def test_the_covariance_of_a_difference_knows_what_halves_share():
         correlation = ScoreCorrelation(np.array(SCALES_PX), weights, np.zeros(9), np.zeros(9))
         model = lcm_likelihood(correlation=correlation)
         residuals = [Epipolar.of(part, CAMERA) for part in parts]
-        found = [mle(model).estimate(residual, seed=0) for residual in residuals]
+        estimator = mle(model)
+        found = [estimator.estimate(residual, seed=0) for residual in residuals]
         total = found[0].covariance + found[1].covariance
-        difference = difference_covariance(model, residuals, found)
+        difference = difference_covariance(estimator, residuals, found)
         if own == 1:
             np.testing.assert_allclose(difference, total, rtol=1e-6, atol=1e-6 * np.abs(total).max())
         else:

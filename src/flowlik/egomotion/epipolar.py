@@ -32,7 +32,7 @@ class Epipolar:
     minimal: ClassVar[int] = 5
     components_per_vector: ClassVar[int] = 1
     metric: ClassVar[bool] = False
-    counted_px: ClassVar[float] = 1.0
+    counted_px: ClassVar[float] = 2.0
     measurements: Measurements
     camera: Pinhole
     excluded: dict[str, int] = field(default_factory=dict)

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.camera import Array
-from flowlik.egomotion._kernels import retract
-from flowlik.egomotion.covariance import observed_sensitivity, sandwich, score_covariance, temperature
+from flowlik.egomotion.covariance import sandwich, temperature
 from flowlik.egomotion.maximise import maximise, transform
 from flowlik.egomotion.posterior import GaussianPrior, Tempered
-from flowlik.egomotion.residual import Chosen, Residual, composite_weight, draw_samples
+from flowlik.egomotion.residual import Residual, draw_samples
 from flowlik.egomotion.result import EgoMotion, Status, conditioned, unsolved
+from flowlik.egomotion.score_moments import score_moments, sensitivity
 from flowlik.errors import DataError
 from flowlik.likelihood import FlowLikelihood
 
@@ -111,10 +111,11 @@ class Estimator:
         if found is None:
             return unsolved(Status.DEGENERATE, "no minimal sample has a solution", excluded)
 
-        used = residual.kept_components(kept)
-        T, log_prob = self._refine(residual, found, used)
-        A, B = self._variability(residual, T, used)
-        S = self._sensitivity(residual, T, used, A, B)
+        components = residual.kept_components(kept)
+        T, log_prob = self._refine(residual, found, self.telling(residual, found, components))
+        used = self.telling(residual, T, components)
+        A, B = score_moments(self, residual, T, used)
+        S = sensitivity(self, residual, T, used, A, B)
         if prior is not None:
             belief = Tempered(prior, temperature(S, B))
             T, log_prob = maximise(
@@ -122,11 +123,11 @@ class Estimator:
             )
             S, _ = belief.posterior(S, B)
             A, B = belief.posterior(A, B)
-        inliers = self._inliers(residual, T, used)
+        inliers = self.inlying(residual, T, used)
         x = residual.coordinates(T, self.likelihood.schedule.index)
         status, reason = conditioned(residual.basis(T), A)
         determined = status is Status.SOLVED
-        explained = residual.rotation_share(T, self._bound, self.likelihood.schedule.index)
+        explained = residual.rotation_share(T, self.bound, self.likelihood.schedule.index)
         if explained > NO_PARALLAX_SHARE * inliers.sum() / used.sum():
             status, reason = (
                 Status.DEGENERATE,
@@ -142,7 +143,7 @@ class Estimator:
             reason=reason,
             scale_known=residual.metric,
             inliers=self._count(residual, inliers),
-            informative=int((inliers & (self._bound(x) <= INFORMATIVE_PX)).sum()),
+            informative=int((inliers & (self.bound(x) <= INFORMATIVE_PX)).sum()),
             components=int(used.sum()),
             inlier_unit="component" if self.radius_px is None else "vector",
             excluded=excluded,
@@ -156,63 +157,37 @@ class Estimator:
         """Which components (N, components a vector) of a residual's vectors are inliers of a motion."""
         kept = residual.measurements.t >= (self.gate or 0.0)
         T = residual.normalise(T_k_prev.as_matrix()[:3])
-        found = self._inliers(residual, T, residual.kept_components(kept))
+        found = self.inlying(residual, T, self.telling(residual, T, residual.kept_components(kept)))
         return found.reshape(len(residual), residual.components_per_vector)
 
-    def _bound(self, x: Array) -> Array:
+    def telling(self, residual: Residual, T: Array, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Components (C,) of `used` that are no wider than the residual counts; all, where these are few."""
+        if self.radius_px is not None or residual.counted_px == np.inf:
+            return used
+        x = residual.coordinates(T, self.likelihood.schedule.index)
+        narrow = used & (self.bound(x) <= residual.counted_px)
+        return narrow if narrow.sum() >= ENOUGH_TELLING * residual.minimal else used
+
+    def bound(self, x: Array) -> Array:
+        """Bounds [px] of inliers at coordinates x."""
         if self.radius_px is not None:
             return np.full(np.shape(x), self.radius_px)
         return self.likelihood.bound(x, self.confidence)
 
-    def _inliers(
+    def inlying(
         self, residual: Residual, T: Array, used: NDArray[np.bool_], widened: float = 1.0
     ) -> NDArray[np.bool_]:
         """Components (C,) of `used` that are inliers of a motion, or belong to inlier vectors."""
         z, _ = residual.linearise(T)
         if self.radius_px is None:
             x = residual.coordinates(T, self.likelihood.schedule.index)
-            return used & (np.abs(z) <= widened * self._bound(x))
+            return used & (np.abs(z) <= widened * self.bound(x))
         length = np.linalg.norm(np.where(used, z, 0.0).reshape(len(residual), -1), axis=1)
         return used & np.repeat(length <= widened * self.radius_px, residual.components_per_vector)
 
     def _entering(self, residual: Residual, T: Array, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Components (C,) that the last maximisation is over."""
-        return used if self.refine_all else self._inliers(residual, T, used)
-
-    def _variability(self, residual: Residual, T: Array, used: NDArray[np.bool_]) -> tuple[Array, Array]:
-        """A and B (6, 6) of the sandwich: sensitivity and covariance of the total score at a motion.
-
-        The inliers of a cut likelihood move with the motion, so that every component counts with the
-        information of a score cut off at its bound; RANSAC's inliers count as least squares has them.
-        Without a correlation of scores B is that of independent ones.
-        """
-        _, J = residual.linearise(T)
-        x = residual.coordinates(T, self.likelihood.schedule.index)
-        cut = None if self.refine_all or self.radius_px is not None else self.confidence
-        counting = used if self.radius_px is None else self._inliers(residual, T, used)
-        fisher = np.where(counting, self.likelihood.fisher(x, cut), 0.0)
-        weight = composite_weight(residual, self.likelihood, x)
-        A = J.T @ ((weight * fisher)[:, None] * J)
-        variance = weight**2 * fisher
-        if (correlation := self.likelihood.correlation) is None:
-            return A, J.T @ (variance[:, None] * J)
-        return A, score_covariance(residual.measurements, residual.directions(T), J, variance, correlation)
-
-    def _sensitivity(
-        self, residual: Residual, T: Array, used: NDArray[np.bool_], A: Array, B: Array
-    ) -> Array:
-        """Observed sensitivity (6, 6); A where correlations or a direction are unknown."""
-        basis = residual.basis(T)
-        if self.likelihood.correlation is None or conditioned(basis, A)[0] is not Status.SOLVED:
-            return A
-        x = residual.coordinates(T, self.likelihood.schedule.index)
-        held = Chosen.of(residual, self.likelihood, x, used)
-        bounds = np.full(len(x), np.inf) if self.refine_all else self._bound(x)
-
-        def gradient(step: Array) -> Array:
-            return residual.total_score(residual.normalise(retract(T, step)), held, bounds)
-
-        return observed_sensitivity(gradient, A, sandwich(A, B, basis), basis)
+        return used if self.refine_all else self.inlying(residual, T, used)
 
     def _count(self, residual: Residual, inliers: NDArray[np.bool_]) -> int:
         """Number of inliers in the estimator's own unit."""
@@ -233,21 +208,16 @@ class Estimator:
         """
         index = self.likelihood.schedule.index
         used = residual.kept_components(kept)
-        bounds = residual.bounds(self._bound, index, kept)
-        # a vector that lies within several pixels of any motion is no witness of one
+        bounds = residual.bounds(self.bound, index, kept)
         most_px = residual.counted_px if self.radius_px is None else np.inf
         telling = ((bounds >= 0) & (bounds <= most_px)).reshape(len(used), -1)
-        if telling.any(axis=1).sum() < ENOUGH_TELLING * residual.minimal:
-            most_px = np.inf
-        bounds = np.where(bounds <= most_px, bounds, -1.0)
+        if telling.any(axis=1).sum() >= ENOUGH_TELLING * residual.minimal:
+            bounds = np.where(bounds <= most_px, bounds, -1.0)
         weights = self._sampling_weights(residual, kept)
         vectors = self.radius_px is not None
 
         def inliers_of(T: Array) -> NDArray[np.bool_]:
-            inliers = self._inliers(residual, T, used)
-            if most_px < np.inf:
-                inliers &= self._bound(residual.coordinates(T, index)) <= most_px
-            return inliers
+            return self.inlying(residual, T, self.telling(residual, T, used))
 
         def draws(inliers: NDArray[np.bool_]) -> int:
             """Samples until one of inliers alone has been drawn, as probable as asked."""
@@ -289,9 +259,9 @@ class Estimator:
     def _anneal(self, residual: Residual, T: Array, used: NDArray[np.bool_]) -> Array:
         """Follow the likelihood from a guess, its errors first taken to be several times as wide."""
         for widened in ANNEALING:
-            chosen = self._inliers(residual, T, used, widened)
+            chosen = self.inlying(residual, T, used, widened)
             T, _ = maximise(residual, self.likelihood, T, chosen, LOCAL_STEPS, widened)
-        return maximise(residual, self.likelihood, T, self._inliers(residual, T, used), LOCAL_STEPS)[0]
+        return maximise(residual, self.likelihood, T, self.inlying(residual, T, used), LOCAL_STEPS)[0]
 
     def _sampling_weights(self, residual: Residual, kept: NDArray[np.bool_]) -> Array:
         """Draw a vector in proportion to the root of its weaker component's information; gated ones last."""
@@ -304,7 +274,7 @@ class Estimator:
         log_prob = -np.inf
         for _ in range(REFINEMENTS):
             before = T
-            T, log_prob = maximise(residual, self.likelihood, T, self._inliers(residual, T, used))
+            T, log_prob = maximise(residual, self.likelihood, T, self.inlying(residual, T, used))
             if T is before:
                 break
         return maximise(residual, self.likelihood, T, used) if self.refine_all else (T, log_prob)

@@ -62,7 +62,7 @@ class Residual(Protocol):
     components_per_vector: ClassVar[int]
     metric: ClassVar[bool]
     counted_px: ClassVar[float]
-    """Widest bound of a component that counts in a consensus."""
+    """Widest bound [px] of a component that counts: one near any motion at all is no witness of it."""
 
     @property
     def measurements(self) -> Measurements:

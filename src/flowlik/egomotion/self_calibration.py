@@ -1,8 +1,8 @@
 """Intrinsics refined from images alone, a frame at a time, by the likelihood that finds the motion.
 
-Every frame's epipolar errors say something about the intrinsics besides the motion. What is left after
-the motion's five parameters are eliminated (Schur complement) goes into a Kalman filter over principal point
-and distortion; the next frame uses the new intrinsics, so that the filter is causal.
+Epipolar errors of a frame's inliers say something about the intrinsics besides the motion. What is left
+after the motion's five parameters are eliminated (Schur complement) goes into a Kalman filter over principal
+point and distortion; the next frame uses the new intrinsics, so that the filter is causal.
 
 A frame's information H and gradient b are worth less than they claim. The whitened gradient ``H^-1/2 b`` of
 a true camera has a variance above 1, since errors of neighbouring vectors are not independent, and a part
@@ -18,12 +18,14 @@ agree with those of the frames around them.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from flowlik.camera import Array, Distortion, Pinhole
 from flowlik.egomotion.epipolar import Epipolar
-from flowlik.likelihood import FlowLikelihood
+from flowlik.egomotion.estimator import Estimator
+from flowlik.egomotion.maximise import transform
 from flowlik.measurements import Measurements
 from flowlik.tables import look_up
 
@@ -69,6 +71,27 @@ class SelfCalibration:
     def prior_variances(self) -> Array:
         """Prior variances (P,) of the parameters."""
         return np.array([sigma**2 for _, sigma in self.sigma])
+
+
+class FrameEvidence(NamedTuple):
+    """What a frame says about the parameters, and how its motion hangs on them.
+
+    Attributes
+    ----------
+    H : array (P, P)
+        Information, the motion eliminated.
+    b : array (P,)
+        Gradient.
+    excess : float
+        Median of the frame's errors, each over the median that the likelihood expects of it; at least 1.
+    motion_slopes : array (6, P)
+        Change of the motion found, along its left tangent, by the parameters.
+    """
+
+    H: Array
+    b: Array
+    excess: float
+    motion_slopes: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,8 +169,8 @@ class Intrinsics:
         """Measurements as a pinhole camera would have made them; to be used with `camera`."""
         return _rectified(m, *self._with(self.values))
 
-    def updated(self, m: Measurements, T: Array, likelihood: FlowLikelihood) -> Intrinsics:
-        """Intrinsics after a frame.
+    def evidence(self, m: Measurements, T: Array, estimator: Estimator) -> FrameEvidence:
+        """What a frame says about the parameters.
 
         Parameters
         ----------
@@ -155,41 +178,27 @@ class Intrinsics:
             As the camera made them, not rectified.
         T : array (3, 4)
             Motion found with these intrinsics.
-        likelihood : FlowLikelihood
-            Of the flow.
+        estimator : Estimator
+            Which found it: its inliers tell of the camera too.
         """
-        return self._after(*self.information(m, T, likelihood))
-
-    def information(
-        self, m: Measurements, T: Array, likelihood: FlowLikelihood
-    ) -> tuple[Array, Array, float]:
-        """What a frame says about the parameters, the motion eliminated.
-
-        Parameters are as in `updated`.
-
-        Returns
-        -------
-        H : array (P, P)
-            Information.
-        b : array (P,)
-            Gradient.
-        excess : float
-            Median of the frame's errors, each over the median that the likelihood expects of it; at least 1.
-        """
-        residual = Epipolar.of(self.rectified(m), self.camera)
+        likelihood, residual = estimator.likelihood, Epipolar.of(self.rectified(m), self.camera)
         _, normal, J = residual.linearise_with_normal(T)
         z, G = self.linearise(m, T)
-        J = J @ residual.basis(T)
+        J = J @ (basis := residual.basis(T))
         usable = np.isfinite(z) & np.isfinite(G).all(axis=1)
-        x = likelihood.schedule.index.along(residual.measurements, normal)[usable]
-        z, J, G = z[usable], J[usable], G[usable]
+        x = likelihood.schedule.index.along(residual.measurements, normal)
+        expected = likelihood.bound(x[usable], 0.5)
+        excess = float(np.median(np.abs(z[usable]) / expected)) if usable.any() else 1.0
+        # wrong tracks along one structure err alike, and outweigh what a frame knows of its camera
+        usable &= estimator.inliers(residual, transform(T)).ravel()
+        z, x, J, G = z[usable], x[usable], J[usable], G[usable]
         weight = look_up(likelihood.compiled.weight, likelihood.compiled.rows(x), z)
         # wrong intrinsics make errors that no component expects: these weigh as little as their slope says
         believed = np.minimum(weight, likelihood.fisher(x))[:, None]
         # slopes along directions that no motion explains, so that the gradient needs no exact maximum
-        G = G - J @ np.linalg.solve(J.T @ (believed * J), J.T @ (believed * G))
-        excess = float(np.median(np.abs(z) / likelihood.bound(x, 0.5))) if len(z) else 1.0
-        return G.T @ (believed * G), -G.T @ (weight * z), max(excess, 1.0)
+        slopes = -np.linalg.solve(J.T @ (believed * J), J.T @ (believed * G))
+        G = G + J @ slopes
+        return FrameEvidence(G.T @ (believed * G), -G.T @ (weight * z), max(excess, 1.0), basis @ slopes)
 
     def linearise(self, m: Measurements, T: Array) -> tuple[Array, Array]:
         """Epipolar errors (N,) [px] at the present values, and their Jacobian (N, P) by the parameters."""
@@ -199,8 +208,13 @@ class Intrinsics:
             slopes.append((self._errors(m, T, self.values + step) - z) / STEPS[name])
         return z, np.stack(slopes, axis=-1)
 
-    def _after(self, H: Array, b: Array, excess: float = 1.0) -> Intrinsics:
-        """Intrinsics after a frame's information H (P, P), gradient b (P,) and excess of errors."""
+    def motion_covariance(self, evidence: FrameEvidence) -> Array:
+        """Covariance (6, 6) that not knowing the parameters exactly adds to a motion found with them."""
+        return evidence.motion_slopes @ self.covariance @ evidence.motion_slopes.T
+
+    def updated(self, evidence: FrameEvidence) -> Intrinsics:
+        """Intrinsics after a frame."""
+        H, b, excess, _ = evidence
         settings, count = self.settings, len(b)
         prior, kept = settings.prior_variances, np.exp(-1 / settings.memory)
         fades = np.concatenate([np.ones(count), np.full(count, kept)])

@@ -14,7 +14,7 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.boresight import Boresight
 from flowlik.camera import Array
 from flowlik.datasets.base import Sequence
-from flowlik.egomotion import EgoMotion, Epipolar, Estimator, Status, mle
+from flowlik.egomotion import EgoMotion, Epipolar, Estimator, Status, lcmsac
 from flowlik.egomotion.self_calibration import Intrinsics, SelfCalibration
 from flowlik.errors import DataError
 from flowlik.evaluation.baselines import opencv_essential, poselib_relative
@@ -138,7 +138,7 @@ def run_drive(
     truth = true_trajectory(sequence, count)
     if truth is None:
         raise DataError(f"{sequence.name}: the table needs poses")
-    method, estimator, names = flow_method(likelihood.method or {}), mle(likelihood), tuple(names)
+    method, estimator, names = flow_method(likelihood.method or {}), lcmsac(likelihood), tuple(names)
     scale = scale_source("truth-norm", sequence)
     robots = {
         name: Odometry(
@@ -181,7 +181,7 @@ def run_drive(
             first, second = (estimator.estimate(part, seed, guess) for part in parts)
             if first.solved and second.solved:
                 row.halves.append((first, second))
-                row.differences.append(difference_covariance(likelihood, parts, (first, second)))
+                row.differences.append(difference_covariance(estimator, parts, (first, second)))
             row.pairs.append((first.T_k_prev, second.T_k_prev))
         for name, solve in BASELINES.items():
             if name in names:

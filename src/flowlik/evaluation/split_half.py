@@ -15,9 +15,9 @@ from scipy.spatial.transform import RigidTransform
 from scipy.stats import chi2
 
 from flowlik.camera import Array
-from flowlik.egomotion import EgoMotion, Epipolar
+from flowlik.egomotion import EgoMotion, Epipolar, Estimator
 from flowlik.egomotion.covariance import score_covariance
-from flowlik.likelihood import FlowLikelihood
+from flowlik.egomotion.score_moments import component_information
 
 TILE_PX = 64
 LEAST_STEP_M = 0.3
@@ -67,9 +67,7 @@ def half_distances(
     return np.array([_distance(a.T_k_prev, b.T_k_prev, C) for a, b, C in pairs])
 
 
-def difference_covariance(
-    likelihood: FlowLikelihood, halves_: Seq[Epipolar], motions: Seq[EgoMotion]
-) -> Array:
+def difference_covariance(estimator: Estimator, halves_: Seq[Epipolar], motions: Seq[EgoMotion]) -> Array:
     """Covariance (6, 6) of the difference of two halves' motions, which share errors of the whole image.
 
     The likelihood's correlation of scores is that of all vectors, within a half and across: a score of the
@@ -79,14 +77,14 @@ def difference_covariance(
     for residual, motion, sign in zip(halves_, motions, (1.0, -1.0)):
         T = motion.T_k_prev.as_matrix()[:3]
         _, normal, J = residual.linearise_with_normal(T)
-        x, basis = residual.coordinates(T, likelihood.schedule.index), residual.basis(T)
-        fisher = likelihood.fisher(x)
+        basis = residual.basis(T)
+        used = estimator.telling(residual, T, np.ones(len(residual), dtype=bool))
         assert motion.sensitivity is not None
         effects.append(sign * J @ basis @ np.linalg.inv(basis.T @ motion.sensitivity @ basis) @ basis.T)
-        fishers.append(fisher)
+        fishers.append(component_information(estimator, residual, T, used))
         directions.append(normal)
     effect, fisher = np.concatenate(effects), np.concatenate(fishers)
-    if likelihood.correlation is None:
+    if (correlation := estimator.likelihood.correlation) is None:
         return np.asarray(effect.T @ (fisher[:, None] * effect))
     first, second = (residual.measurements for residual in halves_)
     together = replace(
@@ -94,7 +92,7 @@ def difference_covariance(
         pixels=np.concatenate([first.pixels, second.pixels]),
         flow=np.concatenate([first.flow, second.flow]),
     )
-    return score_covariance(together, np.concatenate(directions), effect, fisher, likelihood.correlation)
+    return score_covariance(together, np.concatenate(directions), effect, fisher, correlation)
 
 
 def truth_distances(found: Seq[EgoMotion], truth: Seq[RigidTransform]) -> Array:
