@@ -98,7 +98,8 @@ def main() -> None:
     options = parser.parse_args()
 
     likelihood = load_likelihood(options.model)
-    run = RunFolder(options.out, "benchmarks/kitti_simulated", vars(options) | {"out": None}, options.seed)
+    config = {k: v.name if isinstance(v, Path) else v for k, v in vars(options).items()}
+    run = RunFolder(options.out, "benchmarks/kitti_simulated", config, options.seed)
     for name in options.sequences:
         flight = simulate(
             "driving", options.kitti_poses / f"{name}.txt", options.frames, seed=options.seed,
