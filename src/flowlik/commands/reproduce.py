@@ -64,6 +64,24 @@ def reproduce(
     methods = [flow_method(name) for name in METHODS]
     camera = Pinhole.from_fov(plan.width, plan.height, plan.fov_deg)
 
+    models = _calibrated(run, plan, methods, camera, progress)
+    for flight in plan.held_out:
+        indices = [(Index(), models[method.name]["index"].schedule.index) for method in methods]
+        tasks = [Task(m, i, pixels=plan.dense_pixels) for m, i in zip(methods, indices)]
+        sequence = flight_sequence(run, plan, flight, camera)
+        found = _sketch(sequence, plan, flight, tasks, progress, BOOTSTRAP_BLOCKS // len(tasks))
+        for method in methods:
+            _evaluate(run, plan, flight, method, models[method.name], found.pop(0), found.pop(0))
+        fly(run, plan, flight, camera, methods, models, progress)
+    add_ratios(run, plan)
+    run.finish()
+    return run
+
+
+def _calibrated(
+    run: RunFolder, plan: Plan, methods: list[FlowMethod], camera: Pinhole, progress: Progress
+) -> dict[str, dict[str, FlowLikelihood]]:
+    """Models of every method by name; the sketches behind them are gone with this call."""
     sketches: dict[str, list[list[ErrorSketch]]] = {method.name: [] for method in methods}
     pairs: dict[str, Pairs] = {method.name: [] for method in methods}
     most = max(2, BOOTSTRAP_BLOCKS // len(plan.calibration))
@@ -77,19 +95,8 @@ def reproduce(
             pairs[task.method.name] += measured_pairs(spread, task.method, task.texture, task.signals)
     models = {}
     for method in progress(iter(methods), "fits", len(methods)):
-        models[method.name] = _calibrate(run, plan, method, sketches[method.name], pairs[method.name])
-
-    for flight in plan.held_out:
-        indices = [(Index(), models[method.name]["index"].schedule.index) for method in methods]
-        tasks = [Task(m, i, pixels=plan.dense_pixels) for m, i in zip(methods, indices)]
-        sequence = flight_sequence(run, plan, flight, camera)
-        found = iter(_sketch(sequence, plan, flight, tasks, progress, BOOTSTRAP_BLOCKS // len(tasks)))
-        for method in methods:
-            _evaluate(run, plan, flight, method, models[method.name], next(found), next(found))
-        fly(run, plan, flight, camera, methods, models, progress)
-    add_ratios(run, plan)
-    run.finish()
-    return run
+        models[method.name] = _calibrate(run, plan, method, sketches.pop(method.name), pairs.pop(method.name))
+    return models
 
 
 def _sketch(
