@@ -227,6 +227,19 @@ def test_where_images_say_nothing_the_prior_stays():
     assert state.sigma[0] > 0.5 * 4.0
 
 
+@pytest.mark.parametrize("inliers", [0, 2])
+def test_a_frame_of_hardly_any_inliers_says_nothing_of_the_camera(inliers):
+    rng = np.random.default_rng(10)
+    motion = random_motion(rng, 2.0, 0.5)
+    m = make_scene(motion, rng, n=100).measurements
+    lost = replace(m, flow=m.flow + np.where(np.arange(100) < inliers, 0.0, 300.0)[:, None])
+    state = Intrinsics.prior(CAMERA, SETTINGS)
+    after = state.updated(state.evidence(lost, motion.as_matrix()[:3], lcmsac(MODEL)))
+    assert np.isfinite(after.joint).all()
+    assert (np.abs(after.values) < 0.1 * np.sqrt(SETTINGS.prior_variances)).all()
+    assert (after.sigma > 0.9 * np.sqrt(SETTINGS.prior_variances)).all()
+
+
 def test_a_frame_of_wrong_tracks_is_hardly_believed(states):
     rng = np.random.default_rng(7)
     motion = random_motion(rng, 2.0, 0.5)

@@ -196,7 +196,7 @@ class Intrinsics:
         # wrong intrinsics make errors that no component expects: these weigh as little as their slope says
         believed = np.minimum(weight, likelihood.fisher(x))[:, None]
         # slopes along directions that no motion explains, so that the gradient needs no exact maximum
-        slopes = -np.linalg.solve(J.T @ (believed * J), J.T @ (believed * G))
+        slopes = -np.linalg.lstsq(J.T @ (believed * J), J.T @ (believed * G), rcond=None)[0]
         G = G + J @ slopes
         return FrameEvidence(G.T @ (believed * G), -G.T @ (weight * z), max(excess, 1.0), basis @ slopes)
 
