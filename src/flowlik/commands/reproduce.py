@@ -89,9 +89,9 @@ def _calibrated(
         seeing = [method for method in methods if method.name in flight.methods]
         tasks = [Task(m, keep=index_form(m).covariates, pixels=plan.dense_pixels) for m in seeing]
         sequence = flight_sequence(run, plan, flight, camera)
+        spread = spread_pairs(sequence, SHARED_PAIRS, flight.seed)
         for task, blocks in zip(tasks, _sketch(sequence, plan, flight, tasks, progress, most)):
             sketches[task.method.name].append(blocks)
-            spread = spread_pairs(sequence, SHARED_PAIRS, flight.seed)
             pairs[task.method.name] += measured_pairs(spread, task.method, task.texture, task.signals)
     models = {}
     for method in progress(iter(methods), "fits", len(methods)):

@@ -18,14 +18,15 @@ if TYPE_CHECKING:
 
 
 def component_information(
-    estimator: Estimator, residual: Residual, T: Array, used: NDArray[np.bool_]
+    estimator: Estimator, residual: Residual, T: Array, x: Array, used: NDArray[np.bool_]
 ) -> Array:
     """Information (C,) [1/px^2] of each component's score at a motion T (3, 4); 0 where it does not enter.
+
+    ``x`` (C,) are the components' coordinates there.
 
     The inliers of a cut likelihood move with the motion, so that every used component counts with the
     information of a score cut off at its bound; RANSAC's inliers count as least squares has them.
     """
-    x = residual.coordinates(T, estimator.likelihood.schedule.index)
     cut = None if estimator.refine_all or estimator.radius_px is not None else estimator.confidence
     counting = used if estimator.radius_px is None else estimator.inlying(residual, T, used)
     return np.where(counting, estimator.likelihood.fisher(x, cut), 0.0)
@@ -40,8 +41,9 @@ def score_moments(
     """
     _, J = residual.linearise(T)
     likelihood = estimator.likelihood
-    fisher = component_information(estimator, residual, T, used)
-    weight = composite_weight(residual, likelihood, residual.coordinates(T, likelihood.schedule.index))
+    x = residual.coordinates(T, likelihood.schedule.index)
+    fisher = component_information(estimator, residual, T, x, used)
+    weight = composite_weight(residual, likelihood, x)
     A = J.T @ ((weight * fisher)[:, None] * J)
     variance = weight**2 * fisher
     if likelihood.correlation is None:

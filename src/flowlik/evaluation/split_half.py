@@ -81,7 +81,8 @@ def difference_covariance(estimator: Estimator, halves_: Seq[Epipolar], motions:
         used = estimator.telling(residual, T, np.ones(len(residual), dtype=bool))
         assert motion.sensitivity is not None
         effects.append(sign * J @ basis @ np.linalg.inv(basis.T @ motion.sensitivity @ basis) @ basis.T)
-        fishers.append(component_information(estimator, residual, T, used))
+        x = residual.coordinates(T, estimator.likelihood.schedule.index)
+        fishers.append(component_information(estimator, residual, T, x, used))
         directions.append(normal)
     effect, fisher = np.concatenate(effects), np.concatenate(fishers)
     if (correlation := estimator.likelihood.correlation) is None:
