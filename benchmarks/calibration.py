@@ -9,7 +9,6 @@ DATA (layouts as `docs/datasets.md` has them); models are calibrated in simulati
 from __future__ import annotations
 
 import argparse
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,7 +85,7 @@ def models_of(
     method: str, flights: tuple[Flight, ...], wanted: list[tuple[str, str]], options: Options
 ) -> tuple[dict[tuple[str, str], FlowLikelihood], dict[str, list[ErrorSketch]]]:
     """Likelihoods by (schedule, family) from flights, and the sketches they were fitted to by schedule."""
-    found = [errors_of(f, task_of(method), options.cache, options.kitti_poses, method) for f in flights]
+    found = [errors_of(f, task_of(method), options.cache, options.kitti_poses) for f in flights]
     flow = flow_method(method)
     blocks = {"texture": [b for f in found for b in f[0]], "flow": [b for f in found for b in f[1]]}
     blocks["constant"] = blocks["texture"]
@@ -106,8 +105,7 @@ def sketches_of(
     indices = tuple(dict.fromkeys(m.schedule.index for m in models.values()))
     task = task_of(method, indices)
     if isinstance(source, Flight):
-        label = f"{method}-{zlib.crc32(repr(indices).encode()):x}"
-        found = errors_of(source, task, options.cache, options.kitti_poses, label)
+        found = errors_of(source, task, options.cache, options.kitti_poses)
     else:
         each = list(sketch_blocks(split_blocks(source, 0, 1), [task]))
         found = [[sketches[kind] for sketches in each] for kind in range(len(indices))]

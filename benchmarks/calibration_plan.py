@@ -21,6 +21,14 @@ CALIBRATION = (
             (12.0, 13), (1.5, 14),
         )
     ),
+    # with little rotation the flow's length is that of near things, as the wild flights alone would not tell
+    *(
+        Flight(FOREST, "curve", v, s)
+        for v, s in (
+            (1.5, 30), (3.0, 31), (6.0, 32), (12.0, 33), (24.0, 34), (4.0, 35), (2.0, 36), (6.0, 37),
+            (9.0, 38), (18.0, 39), (3.0, 40), (6.0, 41), (1.5, 42), (12.0, 43),
+        )
+    ),
     # a few: without depth edges their errors are smaller at the same index, and many make a table too sure
     Flight(PLANES, "training", 6.0, 0, 12, 4),
     Flight(PLANES, "training", 1.5, 1, 12, 4),
@@ -46,6 +54,8 @@ VALIDATION = (
     Flight(FOREST, "training", 9.0, 50, 8, 4, "val"),
     Flight(FOREST, "training", 17.0, 51, 8, 4, "val"),
     Flight(FOREST, "training", 4.0, 52, 6, 4, "val"),
+    Flight(FOREST, "forest-fig8", 6.0, 60, 12, 4, "val"),
+    Flight(FOREST, "forest-fig8", 6.0, 61, 12, 4, "val"),
     Flight(DRIVING, "02", 0.0, 50, 10, 4, "val"),
 )
 REPORT = {

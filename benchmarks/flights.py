@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,9 +35,9 @@ class Flight:
     @property
     def name(self) -> str:
         kind = {"driving": f"drive-{self.trajectory}"}.get(self.world, f"{self.world}-{self.speed_mps:g}")
-        fig8 = "-fig8" if self.trajectory == "forest-fig8" else ""
+        path = {"forest-fig8": "-fig8", "curve": "-curve"}.get(self.trajectory, "")
         sensor = "" if self.sensor == "default" else f"-{self.sensor}"
-        return f"{self.use}-{kind}{fig8}-{self.seed}{sensor}"
+        return f"{self.use}-{kind}{path}-{self.seed}{sensor}"
 
 
 class Runs:
@@ -97,7 +98,7 @@ def _render(flight: Flight, path: Path, kitti_poses: Path | None) -> None:
         poses = kitti_poses / f"{flight.trajectory}.txt"
         sequence = simulate("driving", poses, seed=flight.seed, traffic=6, sensor=sensor)
     else:
-        length_m = 100.0 if flight.trajectory == "straight" else 200.0
+        length_m = 100.0 if flight.trajectory in ("straight", "curve") else 200.0
         frames = int(length_m * FRAMES_PER_SECOND / flight.speed_mps)
         sequence = simulate(
             flight.world, flight.trajectory, frames, flight.speed_mps, flight.seed, sensor=sensor
@@ -120,11 +121,10 @@ def _render(flight: Flight, path: Path, kitti_poses: Path | None) -> None:
     print(f"rendered {flight.name}: {len(images)} frames in {time.perf_counter() - start:.0f} s", flush=True)
 
 
-def errors_of(
-    flight: Flight, task: Task, cache: Path, kitti_poses: Path | None, label: str
-) -> list[list[ErrorSketch]]:
+def errors_of(flight: Flight, task: Task, cache: Path, kitti_poses: Path | None) -> list[list[ErrorSketch]]:
     """Blocks of sketches of a flight's errors, a list for each index of the task; kept in the cache."""
-    folder = cache / "sketches" / f"{label}--{flight.name}"
+    what = zlib.crc32(repr((task.method, task.indices, task.covariates, task.pixels)).encode())
+    folder = cache / "sketches" / f"{task.method.name}-{what:x}--{flight.name}"
     paths = [sorted(folder.glob(f"{kind}-*.npz")) for kind in range(len(task.indices))]
     if not all(paths):
         blocks = rendered(flight, cache, kitti_poses).blocks(flight.seed)

@@ -46,7 +46,7 @@ def measured(method: str, cache: Path, kitti_poses: Path | None) -> list[list[li
     """Sketches of every calibration flight: over texture, and over the flow's magnitude."""
     flow = flow_method(method)
     task = Task(flow, (Index(), FLOW_INDEX), index_form(flow).covariates, pixels=DENSE_PIXELS)
-    return [errors_of(flight, task, cache, kitti_poses, method) for flight in CALIBRATION]
+    return [errors_of(flight, task, cache, kitti_poses) for flight in CALIBRATION]
 
 
 def with_goodness(likelihood: FlowLikelihood, blocks: list[ErrorSketch]) -> FlowLikelihood:

@@ -1,5 +1,7 @@
+import cv2
 import numpy as np
 import pytest
+from scipy.ndimage import map_coordinates
 
 from flowlik.covariates import COVARIATES, covariate, of_components
 from flowlik.errors import ModelError
@@ -121,6 +123,56 @@ def test_the_spread_is_that_of_neighbouring_flow():
     np.testing.assert_allclose(SIGNALS["spread"](p)[0], np.sqrt((3 * 0.16 + 2 * 0.32) / 5))
     nowhere = pair([0, 0], flow_at=lambda pixels: np.full_like(pixels, np.nan))
     assert np.isnan(SIGNALS["spread"](nowhere)).all()
+
+
+def standard_error_twin(p: Pair, blocks: int = 5) -> np.ndarray:
+    height, width = p.previous.shape
+    gx, gy = (cv2.Scharr(p.previous, cv2.CV_64F, dx, dy) / 32 for dx, dy in ((1, 0), (0, 1)))
+    offsets = np.arange(3 * blocks) - 3 * blocks // 2
+    covariances = []
+    for (u, v), flow in zip(np.rint(p.pixels).astype(int), p.flow):
+        here = np.ix_(np.clip(v + offsets, 0, height - 1), np.clip(u + offsets, 0, width - 1))
+        end_u, end_v = np.meshgrid(u + flow[0] + offsets, v + flow[1] + offsets)
+        ends = map_coordinates(p.current.astype(float), [end_v, end_u], order=1, mode="nearest")
+        g = np.stack([gx[here], gy[here]], axis=-1)
+        scores = g * (ends - p.previous[here])[:, :, None]
+        scores = scores.reshape(blocks, 3, blocks, 3, 2).sum(axis=(1, 3)).reshape(-1, 2)
+        S = np.einsum("vui,vuj->ij", g, g) + 1e-3 * np.eye(2)
+        inverse = np.linalg.inv(S)
+        covariances.append(inverse @ (scores.T @ scores + S / 12) @ inverse)
+    return np.array(covariances)
+
+
+def test_the_standard_error_agrees_with_numpy():
+    # the last two reach beyond the image, one of them by far
+    pixels = np.array([[20.0, 30.0], [50.3, 40.8], [98.0, 3.0], [60.0, 20.0]])
+    p = pair([[1.3, -0.6], [-2.25, 0.5], [4.0, -5.5], [4000.0, 0.0]], pixels=pixels)
+    found = SIGNALS["standard-error"](p)
+    np.testing.assert_allclose(found, standard_error_twin(p)[:, [0, 0, 1], [0, 1, 1]], rtol=1e-9)
+    flat = np.full(SHAPE, 90, np.uint8)
+    (xx, xy, yy), *_ = SIGNALS["standard-error"](pair([0, 0], flat, flat))
+    assert xy == 0 and xx == yy == pytest.approx(1 / 12 / 1e-3)
+
+
+def test_the_standard_error_is_that_of_least_squares_under_noise_and_sees_two_motions():
+    rng = np.random.default_rng(1)
+    shape = (300, 400)
+    image = textured_image(shape).astype(float)
+    previous, current = (np.clip(image + rng.normal(0, 3, shape), 0, 255).astype(np.uint8) for _ in "ab")
+    v, u = np.mgrid[20:280:12, 20:380:12]
+    pixels = np.stack([u.ravel(), v.ravel()], axis=-1).astype(float)
+    method = LucasKanade(window=15, max_level=0, centred=True)
+    m = measure(previous, current, method, pixels=pixels, signals=["standard-error"])
+    sigma = of_components("standard-error", m)
+    assert 0.8 < np.std(m.errors(np.zeros_like(m.flow)) / sigma) < 1.25
+    # the right half moves on: patches on the seam have the same texture, and blocks that disagree
+    moved = current.copy()
+    moved[:, 200:] = np.roll(current, 3, axis=1)[:, 200:]
+    seam = np.abs(pixels[:, 0] - 200) < 6
+    before, after = (
+        SIGNALS["standard-error"](pair([0, 0], previous, end, pixels[seam])) for end in (current, moved)
+    )
+    assert (after[:, 0] > 4 * before[:, 0]).mean() > 0.9
 
 
 def test_signals_are_measured_only_where_asked_and_selected_with_the_rest(measured):

@@ -43,8 +43,9 @@ def test_models_are_listed_and_shown():
     one = summary("lucas-kanade")
     assert one.covariates == (
         "texture [intensity²/px²]", "flow [px]", "discrepancy [px]", "residual [intensity]",
+        "standard-error [px]",
     )  # fmt: skip
-    assert one.signals == ("discrepancy", "residual")
+    assert one.signals == ("discrepancy", "residual", "standard-error")
     listed = json.loads(succeed("models", "--json").out)
     assert [m["name"] for m in listed] == sorted(shipped())
     assert "lucas-kanade" in succeed("models").out

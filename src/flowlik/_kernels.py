@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 
 from flowlik.camera import Array
 
+# intensity^2/px^2 added to a patch's S: where it is flat, rounding of grey levels alone gives 9 px
+FLAT = 1e-3
+
 
 @njit(cache=True, nogil=True)
 def box_products(gx, gy, window, first, last, S):  # type: ignore[no-untyped-def]
@@ -129,6 +132,55 @@ def patch_residual(previous, current, pixels, flow, window, first, last, residua
         for k in range(size):
             total += abs(differences[k] - mean)
         residual[i] = total / size
+
+
+@njit(cache=True, nogil=True)
+def standard_errors(previous, current, gx, gy, pixels, flow, blocks, first, last, M):  # type: ignore[no-untyped-def]
+    """Sandwich S^-1 (sum_b s_b s_b^T + S / 12) S^-1 of vectors first to last of M (N, 3) = (xx, xy, yy).
+
+    s_b are sums of gradient times residual over `blocks` x `blocks` squares of 3 x 3 px around the nearest
+    whole pixel, S the sum of gradient products; gx, gy are 32 times the derivative.
+    """
+    height, width = previous.shape
+    half, far = 3 * blocks // 2, 3 * blocks + 1
+    for i in range(first, last):
+        u0, v0 = int(np.rint(pixels[i, 0])), int(np.rint(pixels[i, 1]))
+        u_end = min(max(u0 + flow[i, 0], -far), width + far)
+        v_end = min(max(v0 + flow[i, 1], -far), height + far)
+        u1, v1 = int(np.floor(u_end)), int(np.floor(v_end))
+        a, b = u_end - u1, v_end - v1
+        xx, xy, yy = FLAT, 0.0, FLAT
+        B_xx, B_xy, B_yy = 0.0, 0.0, 0.0
+        for block in range(blocks * blocks):
+            first_u, first_v = 3 * (block % blocks) - half, 3 * (block // blocks) - half
+            x, y = 0.0, 0.0
+            for dv in range(first_v, first_v + 3):
+                v = min(max(v0 + dv, 0), height - 1)
+                above, below = min(max(v1 + dv, 0), height - 1), min(max(v1 + dv + 1, 0), height - 1)
+                for du in range(first_u, first_u + 3):
+                    u = min(max(u0 + du, 0), width - 1)
+                    left, right = min(max(u1 + du, 0), width - 1), min(max(u1 + du + 1, 0), width - 1)
+                    top = (1 - a) * current[above, left] + a * current[above, right]
+                    bottom = (1 - a) * current[below, left] + a * current[below, right]
+                    residual = (1 - b) * top + b * bottom - previous[v, u]
+                    g_x, g_y = gx[v, u] / 32.0, gy[v, u] / 32.0
+                    xx += g_x * g_x
+                    xy += g_x * g_y
+                    yy += g_y * g_y
+                    x += g_x * residual
+                    y += g_y * residual
+            B_xx += x * x
+            B_xy += x * y
+            B_yy += y * y
+        B_xx += xx / 12
+        B_xy += xy / 12
+        B_yy += yy / 12
+        determinant = xx * yy - xy * xy
+        # rows of the inverse
+        p, q, r = yy / determinant, -xy / determinant, xx / determinant
+        M[i, 0] = p * p * B_xx + 2 * p * q * B_xy + q * q * B_yy
+        M[i, 1] = p * q * B_xx + (p * r + q * q) * B_xy + q * r * B_yy
+        M[i, 2] = q * q * B_xx + 2 * q * r * B_xy + r * r * B_yy
 
 
 @njit(cache=True, nogil=True)

@@ -68,6 +68,12 @@ def _discrepancy(m: Measurements, n: Array) -> Array:
     return np.where(np.isfinite(d).all(axis=1), _dot(np.where(np.isfinite(d), d, 0.0), n), np.inf)
 
 
+def _standard_error(m: Measurements, n: Array) -> Array:
+    xx, xy, yy = _signal(m, "standard-error").T
+    variance = n[:, 0] ** 2 * xx + 2 * n[:, 0] * n[:, 1] * xy + n[:, 1] ** 2 * yy
+    return np.sqrt(np.maximum(variance, 0.0))
+
+
 COVARIATES: dict[str, Covariate] = {
     c.name: c
     for c in (
@@ -81,6 +87,7 @@ COVARIATES: dict[str, Covariate] = {
         ),
         Covariate("residual", "intensity", 0.3, lambda m, n: _signal(m, "residual"), ("residual",), True),
         Covariate("spread", "px", 1e-2, lambda m, n: _signal(m, "spread"), ("spread",), True),
+        Covariate("standard-error", "px", 1e-4, _standard_error, ("standard-error",)),
     )
 }  # fmt: skip
 

@@ -43,7 +43,7 @@ class Measurements:
         What t means.
     method : dict
         Flow method's name and parameters, as in model files.
-    signals : dict of str to array (N,) or (N, 2)
+    signals : dict of str to array (N,), (N, 2) or (N, 3)
         What else was measured about each vector, by its name in `flowlik.signals`; NaN where it failed.
     lost : int
         Asked-for pixels without a finite flow, left out.

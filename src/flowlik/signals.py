@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,7 +17,9 @@ from flowlik.threads import in_bands
 
 RESIDUAL_WINDOW = 5
 SPREAD_RADIUS_PX = 4.0
+ERROR_BLOCKS = 5
 VECTORS = 20_000
+PATCHES = 1_000
 
 
 @dataclass(frozen=True)
@@ -64,12 +67,34 @@ def _spread(pair: Pair) -> Array:
     return np.sqrt(np.divide(total, count, out=np.full(len(total), np.nan), where=count > 0))
 
 
+def _standard_error(pair: Pair) -> Array:
+    """Sandwich covariance (N, 3) = (xx, xy, yy) [px^2] of least squares over 15x15 px at a vector's start.
+
+    Lucas and Kanade's normal equations are S d = s, with the scores s = sum g r of gradients and residuals.
+    Scores of 3x3 px blocks are taken for independent: S^-1 (sum_b s_b s_b^T + S / 12) S^-1, where 1/12 is the
+    variance of rounding to whole grey levels (White, Econometrica 48, 1980; Liang and Zeger, Biometrika 73,
+    1986). Where a patch holds two motions, its blocks disagree, however strong its texture is.
+    """
+    gx, gy = (cv2.Scharr(pair.previous, cv2.CV_16S, dx, dy) for dx, dy in ((1, 0), (0, 1)))
+    covariance = np.empty((len(pair.pixels), 3))
+    in_bands(
+        lambda first, last: _kernels.standard_errors(
+            pair.previous, pair.current, gx, gy, pair.pixels, pair.flow, ERROR_BLOCKS, first, last, covariance
+        ),
+        len(covariance),
+        PATCHES,
+    )
+    return covariance
+
+
 SIGNALS: dict[str, Callable[[Pair], NDArray[np.float64]]] = {
     "discrepancy": _discrepancy,
     "residual": _residual,
     "spread": _spread,
+    "standard-error": _standard_error,
 }
-"""Signals by name, each of N flow vectors: (N,), or (N, 2) in {i}; NaN where it cannot be measured."""
+"""Signals by name, each of N flow vectors: (N,), or in {i} (N, 2), or a symmetric matrix as (N, 3); NaN where
+it cannot be measured."""
 
 
 def signal(name: str) -> Callable[[Pair], Array]:

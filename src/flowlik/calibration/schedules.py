@@ -27,12 +27,12 @@ class IndexForm:
     """What a learned index is made of: covariates, and whether products of their logarithms enter."""
 
     covariates: tuple[str, ...]
-    products: bool
+    products: bool = True
 
 
 # each covariate, and the products, earn 0.015 nat or more on worlds neither calibrated nor reported on
-SPARSE = IndexForm(("texture", "flow", "discrepancy", "residual"), products=False)
-DENSE = IndexForm(("texture", "flow", "discrepancy", "residual", "spread"), products=True)
+SPARSE = IndexForm(("texture", "flow", "discrepancy", "residual", "standard-error"))
+DENSE = IndexForm((*SPARSE.covariates, "spread"))
 
 
 def check_schedule(schedule: str) -> None:
