@@ -21,12 +21,14 @@ CALIBRATION = (
             (12.0, 13), (1.5, 14),
         )
     ),
-    # with little rotation the flow's length is that of near things, as the wild flights alone would not tell
+    # the others turn so fast that long flow need not be near; in these it is
     *(
-        Flight(FOREST, "curve", v, s)
-        for v, s in (
-            (1.5, 30), (3.0, 31), (6.0, 32), (12.0, 33), (24.0, 34), (4.0, 35), (2.0, 36), (6.0, 37),
-            (9.0, 38), (18.0, 39), (3.0, 40), (6.0, 41), (1.5, 42), (12.0, 43),
+        Flight(FOREST, "curve", v, s, sensor=sensor)
+        for v, s, sensor in (
+            (1.5, 30, "default"), (3.0, 31, "default"), (6.0, 32, "clean"), (12.0, 33, "default"),
+            (24.0, 34, "default"), (4.0, 35, "default"), (2.0, 36, "default"), (6.0, 37, "default"),
+            (9.0, 38, "default"), (18.0, 39, "clean"), (3.0, 40, "clean"), (6.0, 41, "poor"),
+            (1.5, 42, "clean"), (12.0, 43, "poor"),
         )
     ),
     # a few: without depth edges their errors are smaller at the same index, and many make a table too sure
