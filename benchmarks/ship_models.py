@@ -36,8 +36,6 @@ from flowlik.schedule import Index
 from flowlik.texture import TextureDefinition
 
 DENSE_PIXELS = 20_000
-# flights of which one is taken for what errors share
-EVERY = 3
 METHODS = ("lucas-kanade", "lucas-kanade-11", "farneback", "dis", "horn-schunck")
 MODELS = Path(__file__).resolve().parents[1] / "src" / "flowlik" / "models"
 
@@ -63,10 +61,10 @@ def with_goodness(likelihood: FlowLikelihood, blocks: list[ErrorSketch]) -> Flow
 
 
 def shared(method: str, signals: tuple[str, ...], cache: Path, kitti_poses: Path | None) -> Pairs:
-    """What errors share, on every third calibration flight."""
+    """What errors share, on all calibration flights."""
     blocks = [
         block
-        for flight in CALIBRATION[::EVERY]
+        for flight in CALIBRATION
         for block in rendered(flight, cache, kitti_poses).blocks(flight.seed)
     ]
     return measured_pairs(blocks, flow_method(method), TextureDefinition(), signals)
