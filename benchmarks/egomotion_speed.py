@@ -17,6 +17,7 @@ from calibration_plan import REPORT
 from egomotion_variants import RADIUS_PX, label, residuals_of_flight, translation_error, variants
 from flights import Runs, rendered
 from flowlik.egomotion import Estimator, KnownDepth, lcmsac, mle, ransac
+from flowlik.egomotion import estimator as estimator_module
 from flowlik.evaluation.baselines import Pnp
 from flowlik.features import measure_features
 from flowlik.flow import flow_method
@@ -33,10 +34,10 @@ CAP = 200
 INLIER_SHARES = (0.9, 0.7, 0.5)
 OUTLIER_PX = 20.0
 STAGES = {
-    "sample, propose, score": "_consensus",
-    "refine": "_refine",
-    "variability": "_variability",
-    "sensitivity": "_sensitivity",
+    "sample, propose, score": (Estimator, "_consensus"),
+    "refine": (Estimator, "_refine"),
+    "moments of the score": (estimator_module, "score_moments"),
+    "sensitivity": (estimator_module, "sensitivity"),
 }
 
 Timed = dict[str, Callable[[], object]]
@@ -117,8 +118,8 @@ def _stages(estimator: Estimator, pairs: list, share: float) -> Iterator[Record]
 def _clocked() -> Iterator[dict[str, float]]:
     """Processor seconds of an estimator's stages while inside."""
     spent = {"estimate": 0.0, **dict.fromkeys(STAGES, 0.0)}
-    names = {"estimate": "estimate", **STAGES}
-    originals = {name: getattr(Estimator, name) for name in names.values()}
+    places = {"estimate": (Estimator, "estimate"), **STAGES}
+    originals = {stage: getattr(owner, name) for stage, (owner, name) in places.items()}
 
     def timed(stage: str, original: Callable) -> Callable:
         def run(*args: object, **keys: object) -> object:
@@ -130,13 +131,13 @@ def _clocked() -> Iterator[dict[str, float]]:
 
         return run
 
-    for stage, name in names.items():
-        setattr(Estimator, name, timed(stage, originals[name]))
+    for stage, (owner, name) in places.items():
+        setattr(owner, name, timed(stage, originals[stage]))
     try:
         yield spent
     finally:
-        for name, original in originals.items():
-            setattr(Estimator, name, original)
+        for stage, (owner, name) in places.items():
+            setattr(owner, name, originals[stage])
 
 
 def _spoilt(residual: KnownDepth, share: float, rng: np.random.Generator) -> KnownDepth:

@@ -63,9 +63,7 @@ def with_goodness(likelihood: FlowLikelihood, blocks: list[ErrorSketch]) -> Flow
 def shared(method: str, signals: tuple[str, ...], cache: Path, kitti_poses: Path | None) -> Pairs:
     """What errors share, on all calibration flights."""
     blocks = [
-        block
-        for flight in CALIBRATION
-        for block in rendered(flight, cache, kitti_poses).blocks(flight.seed)
+        block for flight in CALIBRATION for block in rendered(flight, cache, kitti_poses).blocks(flight.seed)
     ]
     return measured_pairs(blocks, flow_method(method), TextureDefinition(), signals)
 
