@@ -123,8 +123,7 @@ def _render(flight: Flight, path: Path, kitti_poses: Path | None) -> None:
 
 def errors_of(flight: Flight, task: Task, cache: Path, kitti_poses: Path | None) -> list[list[ErrorSketch]]:
     """Blocks of sketches of a flight's errors, a list for each index of the task; kept in the cache."""
-    what = zlib.crc32(repr((task.method, task.indices, task.covariates, task.pixels)).encode())
-    folder = cache / "sketches" / f"{task.method.name}-{what:x}--{flight.name}"
+    folder = cache / "sketches" / f"{task.method.name}-{zlib.crc32(repr(task).encode()):x}--{flight.name}"
     paths = [sorted(folder.glob(f"{kind}-*.npz")) for kind in range(len(task.indices))]
     if not all(paths):
         blocks = rendered(flight, cache, kitti_poses).blocks(flight.seed)

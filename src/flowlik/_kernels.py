@@ -142,13 +142,9 @@ def standard_errors(previous, current, gx, gy, pixels, flow, blocks, first, last
     whole pixel, S the sum of gradient products; gx, gy are 32 times the derivative.
     """
     height, width = previous.shape
-    half, far = 3 * blocks // 2, 3 * blocks + 1
+    half = 3 * blocks // 2
     for i in range(first, last):
         u0, v0 = int(np.rint(pixels[i, 0])), int(np.rint(pixels[i, 1]))
-        u_end = min(max(u0 + flow[i, 0], -far), width + far)
-        v_end = min(max(v0 + flow[i, 1], -far), height + far)
-        u1, v1 = int(np.floor(u_end)), int(np.floor(v_end))
-        a, b = u_end - u1, v_end - v1
         xx, xy, yy = FLAT, 0.0, FLAT
         B_xx, B_xy, B_yy = 0.0, 0.0, 0.0
         for block in range(blocks * blocks):
@@ -156,13 +152,10 @@ def standard_errors(previous, current, gx, gy, pixels, flow, blocks, first, last
             x, y = 0.0, 0.0
             for dv in range(first_v, first_v + 3):
                 v = min(max(v0 + dv, 0), height - 1)
-                above, below = min(max(v1 + dv, 0), height - 1), min(max(v1 + dv + 1, 0), height - 1)
                 for du in range(first_u, first_u + 3):
                     u = min(max(u0 + du, 0), width - 1)
-                    left, right = min(max(u1 + du, 0), width - 1), min(max(u1 + du + 1, 0), width - 1)
-                    top = (1 - a) * current[above, left] + a * current[above, right]
-                    bottom = (1 - a) * current[below, left] + a * current[below, right]
-                    residual = (1 - b) * top + b * bottom - previous[v, u]
+                    end = _grey(current, u0 + du + flow[i, 0], v0 + dv + flow[i, 1])
+                    residual = end - previous[v, u]
                     g_x, g_y = gx[v, u] / 32.0, gy[v, u] / 32.0
                     xx += g_x * g_x
                     xy += g_x * g_y

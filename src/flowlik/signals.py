@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +12,7 @@ from flowlik import _kernels
 from flowlik.camera import Array
 from flowlik.errors import ModelError
 from flowlik.flow.base import FlowMethod, Image, backward_method, sampler
+from flowlik.texture import derivatives
 from flowlik.threads import in_bands
 
 RESIDUAL_WINDOW = 5
@@ -75,7 +75,7 @@ def _standard_error(pair: Pair) -> Array:
     variance of rounding to whole grey levels (White, Econometrica 48, 1980; Liang and Zeger, Biometrika 73,
     1986). Where a patch holds two motions, its blocks disagree, however strong its texture is.
     """
-    gx, gy = (cv2.Scharr(pair.previous, cv2.CV_16S, dx, dy) for dx, dy in ((1, 0), (0, 1)))
+    gx, gy = derivatives(pair.previous)
     covariance = np.empty((len(pair.pixels), 3))
     in_bands(
         lambda first, last: _kernels.standard_errors(

@@ -46,6 +46,12 @@ class TextureDefinition:
         return asdict(self)
 
 
+def derivatives(image: NDArray[np.uint8]) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
+    """32 times the Scharr derivatives [intensity/px] of a grey image (H, W) along u and v, exact."""
+    gx, gy = (cv2.Scharr(image, cv2.CV_16S, dx, dy) for dx, dy in ((1, 0), (0, 1)))
+    return gx, gy  # type: ignore[return-value]
+
+
 def structure_tensor(image: NDArray[np.uint8], definition: TextureDefinition | None = None) -> Array:
     """Structure tensor (H, W, 3) = (Sxx, Sxy, Syy) [intensity^2/px^2] of a grey image (H, W).
 
@@ -63,10 +69,7 @@ def structure_tensor(image: NDArray[np.uint8], definition: TextureDefinition | N
         raise DataError(f"image of {image.shape} is smaller than the texture window {definition.window}")
     half = definition.window // 2
     gx, gy = (
-        cv2.copyMakeBorder(
-            cv2.Scharr(image, cv2.CV_16S, dx, dy), half, half, half, half, cv2.BORDER_REFLECT_101
-        )
-        for dx, dy in ((1, 0), (0, 1))
+        cv2.copyMakeBorder(g, half, half, half, half, cv2.BORDER_REFLECT_101) for g in derivatives(image)
     )
     S = np.empty((*image.shape, 3))
     in_bands(

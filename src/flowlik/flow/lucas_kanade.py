@@ -11,6 +11,7 @@ import numpy as np
 from flowlik import _kernels
 from flowlik.camera import Array
 from flowlik.flow.base import ZERO_ALLOWED, Image, Windowed, check_pair, inside_image
+from flowlik.texture import derivatives
 from flowlik.threads import in_bands
 
 PATCHES = 500
@@ -74,7 +75,7 @@ class LucasKanade(Windowed):
         """Centres (N, 2) [px] of the gradient energy in the patches around pixels (N, 2)."""
         if self.centred or len(pixels) == 0:
             return pixels
-        gx, gy = (cv2.Scharr(previous, cv2.CV_16S, dx, dy) for dx, dy in ((1, 0), (0, 1)))
+        gx, gy = derivatives(previous)
         centres = np.empty((len(pixels), 2))
         in_bands(
             lambda first, last: _kernels.energy_centres(
