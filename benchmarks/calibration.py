@@ -21,7 +21,7 @@ from flowlik.calibration import (
     FLOW_INDEX,
     ErrorSketch,
     Task,
-    calibrate,
+    fit_likelihood,
     index_form,
     merge_all,
     schedule_index,
@@ -29,8 +29,8 @@ from flowlik.calibration import (
     split_blocks,
 )
 from flowlik.datasets import open_sequence
-from flowlik.datasets.base import Sequence
-from flowlik.evaluation.goodness import (
+from flowlik.datasets.base import ImageSequence
+from flowlik.evaluation.likelihood.goodness import (
     CONFIDENCES,
     coverage,
     held_out_floor,
@@ -39,12 +39,12 @@ from flowlik.evaluation.goodness import (
     nll_interval,
     outside_range,
 )
-from flowlik.evaluation.levels import levels
-from flowlik.families import FAMILIES
+from flowlik.evaluation.likelihood.levels import levels
 from flowlik.flow import flow_method
-from flowlik.likelihood import FlowLikelihood
-from flowlik.records import Record, protocol, write_records
-from flowlik.schedule import Index
+from flowlik.likelihood.families import FAMILIES
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.schedule import Index
+from flowlik.results.records import Record, protocol, write_records
 from ship_models import DENSE_PIXELS, METHODS
 
 REAL = {
@@ -91,14 +91,16 @@ def models_of(
     blocks["constant"] = blocks["texture"]
     index = schedule_index("index", [f[0] for f in found], index_form(flow))
     blocks["index"] = [b.over(index) for b in blocks["texture"]]
-    models = {(s, f): calibrate(blocks[s], FAMILIES[f], flow, constant=s == "constant") for s, f in wanted}
+    models = {
+        (s, f): fit_likelihood(blocks[s], FAMILIES[f], flow, constant=s == "constant") for s, f in wanted
+    }
     return models, blocks
 
 
 def sketches_of(
     method: str,
     models: dict[tuple[str, str], FlowLikelihood],
-    source: Flight | Sequence,
+    source: Flight | ImageSequence,
     options: Options,
 ) -> dict[Index, list[ErrorSketch]]:
     """Blocks of errors over the index of every model, all of the same measurements."""
@@ -212,7 +214,7 @@ def real(method: str, options: Options) -> Iterator[Record]:
     for name, blocks in errors.items():
         others = [e for other, e in errors.items() if _counts_for(name, other)]
         index = schedule_index("index", others, index_form(flow))
-        model = calibrate([b.over(index) for e in others for b in e], FAMILIES["glc"], flow)
+        model = fit_likelihood([b.over(index) for e in others for b in e], FAMILIES["glc"], flow)
         sketches = {index: [b.over(index) for b in blocks]}
         yield from records_of(method, name, {("index", "glc"): model}, sketches, split="other real sets")
 

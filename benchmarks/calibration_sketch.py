@@ -19,11 +19,11 @@ from scipy.optimize import minimize
 
 from flowlik.calibration import ErrorSketch, fit, place_knots
 from flowlik.calibration.sketch import level_edges
-from flowlik.evaluation.goodness import kolmogorov_smirnov, negative_log_likelihood
-from flowlik.families import LaplaceCauchy
-from flowlik.likelihood import FlowLikelihood
-from flowlik.records import Record, protocol, write_records
-from flowlik.schedule import Index, Schedule
+from flowlik.evaluation.likelihood.goodness import kolmogorov_smirnov, negative_log_likelihood
+from flowlik.likelihood.families import LaplaceCauchy
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.schedule import Index, Schedule
+from flowlik.results.records import Record, protocol, write_records
 
 FAMILY = LaplaceCauchy()
 CHUNK = 1_000_000

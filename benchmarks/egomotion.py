@@ -20,8 +20,9 @@ from egomotion_real import real_part
 from egomotion_speed import chains, estimation, loop
 from egomotion_table import table
 from egomotion_variants import METHODS
-from flowlik.progress import terminal_progress
-from flowlik.runs import RunFolder
+from flowlik.report import finish
+from flowlik.results.runs import RunFolder
+from flowlik.support.progress import terminal_progress
 
 PARTS = ("speed", "consistency", "table", "hover", "real")
 
@@ -64,7 +65,7 @@ def main() -> None:
         hover(run, options.cache, methods, 30 if quick else 120, terminal_progress)
     if "real" in options.only and options.data is not None:
         run.records += real_part(options.data, options.cache, methods, terminal_progress)
-    print(f"\nreport: {run.finish()}", file=sys.stderr)
+    print(f"\nreport: {finish(run)}", file=sys.stderr)
 
 
 if __name__ == "__main__":

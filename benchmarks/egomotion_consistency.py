@@ -24,10 +24,10 @@ from egomotion_variants import (
 )
 from flights import Flight
 from flowlik.egomotion import EgoMotion
-from flowlik.evaluation.consistency import consistency, consistency_records, tangent_errors
-from flowlik.progress import Progress
-from flowlik.records import Record, protocol
-from flowlik.trajectory import Trajectory
+from flowlik.evaluation.motion.consistency import consistency, consistency_records, tangent_errors
+from flowlik.geometry.trajectory import Trajectory
+from flowlik.results.records import Record, protocol
+from flowlik.support.progress import Progress
 
 HELD_OUT = {
     "forest": [

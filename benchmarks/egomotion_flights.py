@@ -9,16 +9,16 @@ import numpy as np
 from numpy.lib.format import open_memmap
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
-from flowlik.covariates import of_components
 from flowlik.datasets.base import true_flow
-from flowlik.files import read_json, write_json
 from flowlik.flow import Farneback
-from flowlik.measurements import attach_texture, stratified_pixels
-from flowlik.motion import relative_motion
-from flowlik.progress import Progress
-from flowlik.records import Record, protocol
+from flowlik.geometry.camera import Pinhole
+from flowlik.geometry.motion import relative_motion
+from flowlik.likelihood.covariates import of_components
+from flowlik.measurement.measurements import attach_texture, stratified_pixels
+from flowlik.results.records import Record, protocol
 from flowlik.simulation import Sensor, SimulatedSequence, lap_frames, simulate
+from flowlik.support.files import read_json, write_json
+from flowlik.support.progress import Progress
 
 SPEED_MPS = 6.0
 # 100 m, and a lap of 198 m

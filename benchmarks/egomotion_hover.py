@@ -10,11 +10,11 @@ from scipy.spatial.transform import RigidTransform
 
 from egomotion_variants import label, residuals, variants
 from flowlik.egomotion import EgoMotion
-from flowlik.progress import Progress
-from flowlik.records import Record, protocol
-from flowlik.runs import RunFolder
+from flowlik.geometry.trajectory import chain
+from flowlik.results.records import Record, protocol
+from flowlik.results.runs import RunFolder
 from flowlik.simulation import Sensor, simulate
-from flowlik.trajectory import chain
+from flowlik.support.progress import Progress
 
 SEED = 210
 # so little light that the image spans some 50 grey levels

@@ -9,9 +9,9 @@ import numpy as np
 from egomotion_table import Flown, _flown, with_interval
 from egomotion_variants import label, residuals, variants
 from flowlik.datasets import open_sequence
-from flowlik.evaluation.motion_records import true_trajectory
-from flowlik.progress import Progress
-from flowlik.records import Record, protocol
+from flowlik.evaluation.motion.motion_records import true_trajectory
+from flowlik.results.records import Record, protocol
+from flowlik.support.progress import Progress
 
 DATA = {"TartanAir": ("tartanair_v2/abs_P000", "exact"), "7-Scenes": ("sevenscenes", "soft")}
 """Path of each below --data, and what its truth is worth: 7-Scenes' poses are KinectFusion's."""

@@ -16,17 +16,17 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from calibration_plan import REPORT
 from egomotion_variants import RADIUS_PX, label, residuals_of_flight, translation_error, variants
 from flights import Runs, rendered
+from flowlik.comparison.baselines import Pnp
 from flowlik.egomotion import Estimator, KnownDepth, lcmsac, mle, ransac
 from flowlik.egomotion import estimator as estimator_module
-from flowlik.evaluation.baselines import Pnp
-from flowlik.features import measure_features
 from flowlik.flow import flow_method
 from flowlik.flow.base import DenseFlow
 from flowlik.flow.lucas_kanade import detect_corners
-from flowlik.model_file import load_likelihood
-from flowlik.odometry import Odometry
-from flowlik.odometry_loop import run_odometry
-from flowlik.records import Record, protocol
+from flowlik.likelihood.model_file import load_likelihood
+from flowlik.measurement.features import measure_features
+from flowlik.odometry.loop import run_odometry
+from flowlik.odometry.odometry import Odometry
+from flowlik.results.records import Record, protocol
 from timing import processor_times
 
 FLIGHT = REPORT["other seed, 6 m/s"]

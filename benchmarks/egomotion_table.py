@@ -13,15 +13,15 @@ from egomotion_consistency import judged
 from egomotion_flights import FRAMES, WORLD_SEEDS, Exposed, TableFlight, description, rendered
 from egomotion_variants import Variants, label, residuals, variants
 from flowlik.egomotion import EgoMotion
-from flowlik.egomotion.prediction import ConstantMotion
-from flowlik.evaluation.drift import RelativeErrors, drift_percent, relative_pose_errors
-from flowlik.evaluation.motion_records import true_trajectory
-from flowlik.features import features_of
+from flowlik.evaluation.motion.drift import RelativeErrors, drift_percent, relative_pose_errors
+from flowlik.evaluation.motion.motion_records import true_trajectory
 from flowlik.flow import flow_method
-from flowlik.progress import Progress
-from flowlik.records import Record, protocol
-from flowlik.runs import RunFolder
-from flowlik.trajectory import Trajectory, chain
+from flowlik.geometry.trajectory import Trajectory, chain
+from flowlik.measurement.features import features_of
+from flowlik.odometry.constant_velocity import ConstantVelocity
+from flowlik.results.records import Record, protocol
+from flowlik.results.runs import RunFolder
+from flowlik.support.progress import Progress
 
 BLOCK = 10
 REPLICATES = 1000
@@ -90,7 +90,7 @@ def fly(sequence: Exposed, everyone: Variants, progress: Progress) -> tuple[Traj
 
 def _flown(found: list[EgoMotion | RigidTransform | None], truth: Trajectory) -> Flown:
     """Chain motions; where there is none, odometry's prediction stands in, for rivals as for ours."""
-    model, steps, unsolved, motions = ConstantMotion(), [], [], []
+    model, steps, unsolved, motions = ConstantVelocity(), [], [], []
     for motion in found:
         T = motion.T_k_prev if isinstance(motion, EgoMotion) else motion
         lost = T is None or (isinstance(motion, EgoMotion) and not motion.solved)

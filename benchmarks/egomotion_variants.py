@@ -12,14 +12,14 @@ from scipy.spatial.transform import RigidTransform
 
 from calibration_plan import FOREST
 from flights import Flight, rendered
-from flowlik.datasets.base import Sequence
+from flowlik.comparison.baselines import PNP, RADII_PX, Pnp, sweep
+from flowlik.datasets.base import ImageSequence
 from flowlik.egomotion import EgoMotion, Estimator, KnownDepth, lcmsac, mle, ransac
-from flowlik.evaluation.baselines import PNP, RADII_PX, Pnp, sweep
-from flowlik.features import measure_features
-from flowlik.files import read_json, write_json
 from flowlik.flow import describe, flow_method, method_label
-from flowlik.model_file import load_likelihood
-from flowlik.motion import relative_motion
+from flowlik.geometry.motion import relative_motion
+from flowlik.likelihood.model_file import load_likelihood
+from flowlik.measurement.features import measure_features
+from flowlik.support.files import read_json, write_json
 
 METHODS = ("farneback", "lucas-kanade", "dis")
 RECOMMENDED = "lcmsac-index"
@@ -108,7 +108,7 @@ def residuals_of_flight(flight: Flight, method: str, cache: Path, kitti_poses: P
 
 
 def residuals(
-    sequence: Sequence, method: str, firsts: list[int], seed: int = 0
+    sequence: ImageSequence, method: str, firsts: list[int], seed: int = 0
 ) -> Iterator[tuple[KnownDepth, RigidTransform, float]]:
     """Residual, true motion and seconds of measurement of pairs of neighbouring frames."""
     flow, index = flow_method(method), load_likelihood(method)

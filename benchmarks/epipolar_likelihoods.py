@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from epipolar_refinement import refine_convolution, refine_profile
 from flowlik.datasets import open_sequence
 from flowlik.egomotion import Epipolar, mle
-from flowlik.evaluation.epipolar_likelihoods import refine_convolution, refine_profile
-from flowlik.evaluation.split_half import direction_noise_mrad, halves, rotation_noise_mdeg
-from flowlik.features import measure_features
+from flowlik.evaluation.motion.split_half import direction_noise_mrad, halves, rotation_noise_mdeg
 from flowlik.flow import flow_method
-from flowlik.model_file import load_likelihood
+from flowlik.likelihood.model_file import load_likelihood
+from flowlik.measurement.features import measure_features
 
 
 def main() -> None:

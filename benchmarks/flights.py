@@ -11,9 +11,10 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.calibration import Block, ErrorSketch, Task, gather, sketch_blocks
-from flowlik.camera import Pinhole
+from flowlik.calibration.sketch_file import load_sketch, save_sketch
 from flowlik.datasets.base import frame_index
-from flowlik.files import atomic_write
+from flowlik.geometry.camera import Pinhole
+from flowlik.support.files import atomic_write
 
 FRAMES_PER_SECOND = 60
 BLOCKS_A_FLIGHT = 4
@@ -130,6 +131,6 @@ def errors_of(flight: Flight, task: Task, cache: Path, kitti_poses: Path | None)
         kinds = gather(sketch_blocks(blocks, [task]), len(blocks), BLOCKS_A_FLIGHT)
         for kind, sketches in enumerate(kinds):
             for i, sketch in enumerate(sketches):
-                sketch.save(folder / f"{kind}-{i}.npz")
+                save_sketch(sketch, folder / f"{kind}-{i}.npz")
         return kinds
-    return [[ErrorSketch.load(path) for path in of_kind] for of_kind in paths]
+    return [[load_sketch(path) for path in of_kind] for of_kind in paths]

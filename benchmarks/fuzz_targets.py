@@ -19,27 +19,31 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tests.datasets import fakes, test_kitti, test_kitti_raw
 from tests.datasets.test_camera_file import KALIBR, ROS, written_by_opencv
 from tests.datasets.test_open_sequence import MAKERS
-from tests.test_ros import write_bag
-from tests.test_trajectory_covariance import steps
+from tests.odometry.test_ros_odometry import write_bag
+from tests.odometry.test_trajectory_covariance import steps
 
 from flowlik.calibration.sketch import ErrorSketch
-from flowlik.calibration.sketch_file import load_sketch
+from flowlik.calibration.sketch_file import load_sketch, save_sketch
 from flowlik.datasets import open_sequence
 from flowlik.datasets.base import read_grey
 from flowlik.datasets.camera_file import read_camera
 from flowlik.datasets.flow_files import read_flow
+from flowlik.datasets.uncertainty_file import read_uncertainty, write_uncertainty
 from flowlik.errors import DataError
-from flowlik.extras import missing
-from flowlik.model_file import load_likelihood
-from flowlik.models import shipped
-from flowlik.records import Record, read_records, write_records
+from flowlik.geometry.trajectory import Trajectory, chain, read_trajectory, write_kitti, write_tum
+from flowlik.likelihood.model_file import load_likelihood
+from flowlik.likelihood.schedule import Index
+from flowlik.likelihood.shipped import shipped
+from flowlik.odometry.ros_odometry import read_odometry_bag, write_odometry_bag
+from flowlik.odometry.trajectory_covariance import (
+    read_covariance_csv,
+    trajectory_covariance,
+    write_covariance_csv,
+)
 from flowlik.report.figures import render
 from flowlik.report.page import read_arrays, read_run
-from flowlik.ros_odometry import read_odometry_bag, write_odometry_bag
-from flowlik.schedule import Index
-from flowlik.trajectory import Trajectory, chain, read_trajectory, write_kitti, write_tum
-from flowlik.trajectory_covariance import read_covariance_csv, trajectory_covariance, write_covariance_csv
-from flowlik.uncertainty_file import read_uncertainty, write_uncertainty
+from flowlik.results.records import Record, read_records, write_records
+from flowlik.support.extras import missing
 
 FIELDS = ("image", "flow", "visible", "depth", "T_n_c", "timestamp")
 MOST_FRAMES = 6
@@ -119,7 +123,7 @@ def _covariance(path: Path) -> None:
 
 
 def _sketch(path: Path) -> None:
-    ErrorSketch.empty(Index()).save(path)
+    save_sketch(ErrorSketch.empty(Index()), path)
 
 
 def _run(root: Path) -> Path:

@@ -13,15 +13,15 @@ import numpy as np
 from flowlik.calibration import ErrorSketch
 from flowlik.calibration.sketch import LEVELS, X_BINS, Z_BINS, _count, x_edges
 from flowlik.egomotion import KnownDepth, lcmsac
-from flowlik.families import LaplaceCauchy
 from flowlik.flow import Farneback, describe
-from flowlik.likelihood import FlowLikelihood
-from flowlik.measurements import measure, stratified_pixels
-from flowlik.records import Record, protocol, write_records
-from flowlik.schedule import Index, Schedule
+from flowlik.image.texture import eigenbasis, structure_tensor
+from flowlik.likelihood.families import LaplaceCauchy
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.schedule import Index, Schedule
+from flowlik.likelihood.tables import magnitude_nodes
+from flowlik.measurement.measurements import measure, stratified_pixels
+from flowlik.results.records import Record, protocol, write_records
 from flowlik.simulation import simulate
-from flowlik.tables import magnitude_nodes
-from flowlik.texture import eigenbasis, structure_tensor
 from timing import ratio
 
 

@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 
 from flowlik.commands.kitti import find_table_sequences, kitti_table
-from flowlik.progress import terminal_progress
-from flowlik.records import Record, select
+from flowlik.results.records import Record, select
+from flowlik.support.progress import terminal_progress
 
 COLUMNS = {
     "t_err_percent": "t_err %", "t_err_percent_low": "from", "t_err_percent_high": "to",

@@ -9,19 +9,20 @@ from pathlib import Path
 
 import numpy as np
 
-from flowlik.camera import Distortion, Pinhole
-from flowlik.datasets.base import Sequence
-from flowlik.evaluation.drive_records import drive_figures, drive_records
-from flowlik.evaluation.drives import BASELINES, OURS, run_drive
-from flowlik.features import measure_features
+from flowlik.comparison.drive_records import drive_figures, drive_records
+from flowlik.comparison.drives import BASELINES, OURS, run_drive
+from flowlik.datasets.base import ImageSequence
 from flowlik.flow import flow_method
-from flowlik.likelihood import FlowLikelihood
-from flowlik.measurements import Measurements
-from flowlik.model_file import load_likelihood
-from flowlik.progress import terminal_progress
-from flowlik.records import Record, protocol, select
-from flowlik.runs import RunFolder
+from flowlik.geometry.camera import Distortion, Pinhole
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.model_file import load_likelihood
+from flowlik.measurement.features import measure_features
+from flowlik.measurement.measurements import Measurements
+from flowlik.report import finish
+from flowlik.results.records import Record, protocol, select
+from flowlik.results.runs import RunFolder
 from flowlik.simulation import SimulatedSequence, simulate
+from flowlik.support.progress import terminal_progress
 from pair_cache import PairCache
 
 WRONG_CX_PX, WRONG_K1 = -4.0, -0.015
@@ -34,7 +35,7 @@ SHOWN = (
 class Rendered:
     """A simulated sequence whose last pictures are kept: every frame is asked for twice."""
 
-    def __init__(self, sequence: Sequence, name: str) -> None:
+    def __init__(self, sequence: ImageSequence, name: str) -> None:
         self.name, self._sequence = name, sequence
         self.image = lru_cache(2)(sequence.image)
 
@@ -59,7 +60,7 @@ def seen_by(m: Measurements, camera: Pinhole) -> Measurements:
 
 
 def measured(
-    sequence: Sequence, likelihood: FlowLikelihood, seed: int, cache: PairCache | None
+    sequence: ImageSequence, likelihood: FlowLikelihood, seed: int, cache: PairCache | None
 ) -> list[Measurements]:
     """Measurements of every pair, made once for both runs."""
     method, signals = flow_method(likelihood.method or {}), likelihood.schedule.index.signals
@@ -105,7 +106,7 @@ def main() -> None:
             "driving", options.kitti_poses / f"{name}.txt", options.frames, seed=options.seed,
             start=options.start, traffic=options.traffic,
         )  # fmt: skip
-        sequence: Sequence = Rendered(flight, f"simulated/{name}")  # type: ignore[assignment]
+        sequence: ImageSequence = Rendered(flight, f"simulated/{name}")  # type: ignore[assignment]
         cache = options.cache and pair_cache(options.cache / name, likelihood, flight, options.seed)
         pairs = measured(sequence, likelihood, options.seed, cache)
         if options.measure_only:
@@ -126,7 +127,7 @@ def main() -> None:
         run.records.append(recovered(run.records, sequence.name))
     if options.measure_only:
         return
-    run.finish()
+    finish(run)
     for dataset in dict.fromkeys(r.dataset for r in run.records):
         rows_ = select(run.records, dataset=dataset)
         print(f"\n{dataset}")

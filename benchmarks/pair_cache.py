@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from flowlik.errors import DataError
-from flowlik.files import atomic_write, read_json, read_npz, write_json
-from flowlik.measurements import Measurements
-from flowlik.texture import TextureDefinition
+from flowlik.image.texture import TextureDefinition
+from flowlik.measurement.measurements import Measurements
+from flowlik.support.files import atomic_write, read_json, read_npz, write_json
 
 ARRAYS = ("pixels", "flow", "R_i_e", "t")
 SIGNAL = "signal-"

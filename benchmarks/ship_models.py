@@ -19,7 +19,7 @@ from flowlik.calibration import (
     FLOW_INDEX,
     ErrorSketch,
     Task,
-    calibrate,
+    fit_likelihood,
     index_form,
     measured_pairs,
     merge_all,
@@ -27,13 +27,13 @@ from flowlik.calibration import (
     with_shared_errors,
 )
 from flowlik.calibration.shared_errors import Pairs
-from flowlik.evaluation.goodness import coverage, kolmogorov_smirnov, negative_log_likelihood
-from flowlik.families import error_family
+from flowlik.evaluation.likelihood.goodness import coverage, kolmogorov_smirnov, negative_log_likelihood
 from flowlik.flow import flow_method
-from flowlik.likelihood import FlowLikelihood
-from flowlik.model_file import load_likelihood, save_likelihood
-from flowlik.schedule import Index
-from flowlik.texture import TextureDefinition
+from flowlik.image.texture import TextureDefinition
+from flowlik.likelihood.families import error_family
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.model_file import load_likelihood, save_likelihood
+from flowlik.likelihood.schedule import Index
 
 DENSE_PIXELS = 20_000
 METHODS = ("lucas-kanade", "lucas-kanade-11", "farneback", "dis", "horn-schunck")
@@ -83,7 +83,7 @@ def ship(method: str, cache: Path, kitti_poses: Path | None, out: Path) -> None:
     over = [block.over(index) for block in by_texture]
     pairs = shared(method, index.signals, cache, kitti_poses)
     for name, family, blocks in ((method, "glc", over), (f"{method}-lcm", "lcm", by_texture)):
-        model = calibrate(blocks, error_family(family), flow, provenance=provenance)
+        model = fit_likelihood(blocks, error_family(family), flow, provenance=provenance)
         model = with_shared_errors(model, pairs)
         save_likelihood(with_goodness(model, blocks), out / f"{name}.json")
         print(name, model.goodness["fit"], f"{time.perf_counter() - start:.0f} s", flush=True)

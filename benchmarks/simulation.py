@@ -18,9 +18,9 @@ import simulation_consistency as consistency
 import simulation_exactness as exactness
 import simulation_naturalness as naturalness
 import simulation_speed as speed
-from flowlik.camera import Pinhole
 from flowlik.flow import LucasKanade
-from flowlik.records import Record, protocol, write_records
+from flowlik.geometry.camera import Pinhole
+from flowlik.results.records import Record, protocol, write_records
 from flowlik.simulation import IDEAL_SENSOR, SimulatedSequence, simulate
 from simulation_pictures import PictureSet, real_sets, simulated
 from simulation_sheets import write_sheets
@@ -106,7 +106,7 @@ def measure_consistency(options: Options) -> Iterator[Record]:
         unwarped = float(np.median(np.abs(residuals.unwarped)))
         yield _record("unwarped_residual_median", unwarped, "grey levels", world, count, **note)
         yield _record("compared_share", residuals.share, "", world, count, **note)
-        for method in (LucasKanade(), LucasKanade(centred=True)):
+        for method in (LucasKanade(), LucasKanade(anchor="middle")):
             yield from _signed_means((there, back), frames, world, method, note)
         left = np.concatenate([consistency.leftover_flow(there, k, LucasKanade()) for k in frames])
         for axis, name in enumerate("uv"):
@@ -132,9 +132,9 @@ def _signed_means(
         np.concatenate([consistency.lucas_kanade_errors(flight, k, method)[0] for k in frames])
         for flight in flights
     ]
-    placed = "middle of the patch" if method.centred else "centre of gradient energy"
+    placed = "middle of the patch" if method.anchor == "middle" else "centre of gradient energy"
     note = {**note, "pixels": "visible, depth-smooth, t2 above 3, tracked within 1 px", "placed": placed}
-    suffix = "_middle" if method.centred else ""
+    suffix = "_middle" if method.anchor == "middle" else ""
     for axis, name in enumerate("uv"):
         one_way = float(errors[0][:, axis].mean())
         both = float(np.mean([error[:, axis].mean() for error in errors]))

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.evaluation.naturalness import depth_smooth, texture_levels
 from flowlik.flow import LucasKanade
-from flowlik.measurements import measure
-from flowlik.sampling import sample_flow
+from flowlik.image.sampling import sample_flow
+from flowlik.measurement.measurements import measure
 from flowlik.simulation import IDEAL_SENSOR, SimulatedSequence
+from naturalness import depth_smooth, texture_levels
 
 Array = NDArray[np.float64]
 

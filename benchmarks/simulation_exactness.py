@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.camera import Pinhole
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import PAPER_CAMERA, SimulatedSequence
 from flowlik.simulation.geometry import Instances, Prototype, placed
 from flowlik.simulation.light import Light

@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from flowlik.evaluation import naturalness
-from flowlik.records import Record, protocol
+import naturalness
 from flowlik.report.style import BLUE, GREEN, GREY, INK, PURPLE, SPARE, VERMILION, WIDTH, styled
+from flowlik.results.records import Record, protocol
 from simulation_pictures import OURS, REAL, RENDERED, PictureSet
 
 Array = NDArray[np.float64]

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
 from flowlik.datasets import open_sequence
-from flowlik.datasets.base import Sequence, read_grey, true_flow
+from flowlik.datasets.base import ImageSequence, read_grey, true_flow
 from flowlik.datasets.flow_files import read_flow
-from flowlik.motion import relative_motion
+from flowlik.geometry.camera import Pinhole
+from flowlik.geometry.motion import relative_motion
 
 REAL, RENDERED, OURS = "photographs", "renders of others", "ours"
 
@@ -45,7 +45,7 @@ def lengths(flow: NDArray[np.float64]) -> NDArray[np.float64]:
     return length[np.isfinite(length)]
 
 
-def simulated(name: str, sequence: Callable[[], Sequence], count: int) -> PictureSet:
+def simulated(name: str, sequence: Callable[[], ImageSequence], count: int) -> PictureSet:
     """Evenly spread frames of a simulated flight, with the true flow to the next frame."""
 
     def pictures() -> Iterator[Picture]:

@@ -28,7 +28,7 @@ def _child(case: str, frames: int, poses: Path | None) -> dict[str, float]:
 
 def run(case: str, frames: int, poses: Path | None) -> dict[str, float]:
     """Render frames of a case with the default sensor, in runs of neighbouring ones all along the flight."""
-    from flowlik.camera import Pinhole
+    from flowlik.geometry.camera import Pinhole
     from flowlik.simulation import simulate
     from simulation_profile import profile
 

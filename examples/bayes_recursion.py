@@ -13,20 +13,20 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.calibration import (
     Task,
-    calibrate,
+    fit_likelihood,
     measured_pairs,
     sketch_blocks,
     split_blocks,
     with_shared_errors,
 )
-from flowlik.camera import Pinhole
-from flowlik.datasets.base import Sequence
+from flowlik.datasets.base import ImageSequence
 from flowlik.egomotion import EgoMotion, GaussianPrior, KnownDepth, mle
-from flowlik.families import LaplaceCauchy
 from flowlik.flow import LucasKanade
-from flowlik.likelihood import FlowLikelihood
-from flowlik.measurements import measure, stratified_pixels
-from flowlik.motion import relative_motion
+from flowlik.geometry.camera import Pinhole
+from flowlik.geometry.motion import relative_motion
+from flowlik.likelihood.families import LaplaceCauchy
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.measurement.measurements import measure, stratified_pixels
 from flowlik.simulation import simulate
 
 CAMERA = Pinhole.from_fov(320, 240, 90.0)
@@ -39,11 +39,11 @@ def calibrated(method: LucasKanade) -> FlowLikelihood:
     flight = simulate("planes", "training", 12, 6.0, 1, CAMERA)
     blocks = split_blocks(flight, seed=1)
     sketches = [found[0] for found in sketch_blocks(blocks, [Task(method)])]
-    likelihood = calibrate(sketches, LaplaceCauchy(), method)
+    likelihood = fit_likelihood(sketches, LaplaceCauchy(), method)
     return with_shared_errors(likelihood, measured_pairs(blocks, method, likelihood.texture))
 
 
-def recursion(flight: Sequence, likelihood: FlowLikelihood, method: LucasKanade) -> Iterator[EgoMotion]:
+def recursion(flight: ImageSequence, likelihood: FlowLikelihood, method: LucasKanade) -> Iterator[EgoMotion]:
     """Beliefs about the motion from each frame to the next, each given all images so far."""
     acceleration = np.diag((ACCELERATION / FRAMES_PER_SECOND**2) ** 2)
     # before the first pair: at rest, give or take 10 m/s and 1 rad/s

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
 from flowlik.egomotion import Epipolar, KnownDepth
-from flowlik.families import LaplaceCauchy
-from flowlik.likelihood import FlowLikelihood
-from flowlik.measurements import Measurements
-from flowlik.motion import exp_se3, h, inverse_range
-from flowlik.schedule import Index, Schedule
-from flowlik.texture import TextureDefinition
+from flowlik.geometry.camera import Pinhole
+from flowlik.geometry.motion import exp_se3, h, inverse_range
+from flowlik.image.texture import TextureDefinition
+from flowlik.likelihood.families import LaplaceCauchy
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.schedule import Index, Schedule
+from flowlik.measurement.measurements import Measurements
 
 CAMERA = Pinhole(640, 480, 400.0, 420.0, 311.0, 245.5)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flowlik.flow import Farneback, LucasKanade
-from flowlik.measurements import Measurements, measure
+from flowlik.measurement.measurements import Measurements, measure
 
 SHAPE = (160, 200)
 ACROSS, ALONG = 0.5, 0.7  # true motion across and along the bars [px]

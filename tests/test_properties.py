@@ -6,9 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Distortion, Pinhole
-from flowlik.families import FAMILIES
-from flowlik.motion import (
+from flowlik.geometry.camera import Distortion, Pinhole
+from flowlik.geometry.motion import (
     adjoint,
     essential_matrix,
     exp_se3,
@@ -17,9 +16,10 @@ from flowlik.motion import (
     relative_motion,
     right_covariance,
 )
-from flowlik.schedule import Index, Schedule, hat_weights
-from flowlik.trajectory import chain
-from tests.families.test_families import THETA
+from flowlik.geometry.trajectory import chain
+from flowlik.likelihood.families import FAMILIES
+from flowlik.likelihood.schedule import Index, Schedule, hat_weights
+from tests.likelihood.families.test_families import THETA
 
 small = st.floats(-0.6, 0.6)
 tangents = st.tuples(small, small, small, *(st.floats(-3, 3),) * 3).map(np.array)

@@ -8,7 +8,7 @@ import pytest
 
 import flowlik
 from flowlik.datasets import open_sequence
-from flowlik.texture import eigenbasis, structure_tensor
+from flowlik.image.texture import eigenbasis, structure_tensor
 from tests.helpers import CAMERA, lcm_likelihood, make_scene, random_motion, textured_image
 
 THREADS = 6

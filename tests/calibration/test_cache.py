@@ -7,12 +7,12 @@ import pytest
 
 from flowlik.calibration import SketchCache, Task, sketch_blocks, split_blocks
 from flowlik.calibration.cache import first_sketches
-from flowlik.camera import Pinhole
 from flowlik.errors import DataError
 from flowlik.flow import Farneback
-from flowlik.schedule import Index, Input, Term
+from flowlik.geometry.camera import Pinhole
+from flowlik.image.texture import TextureDefinition
+from flowlik.likelihood.schedule import Index, Input, Term
 from flowlik.simulation import simulate
-from flowlik.texture import TextureDefinition
 from tests.calibration.test_executors import assert_equal
 
 FLOW = Index((Input("flow", 0.05),), (Term(("flow",)),), 0.0, -3.0, 7.0)

@@ -11,9 +11,9 @@ import pytest
 
 from flowlik.calibration import Task, merge_all, sketch_blocks, split_blocks
 from flowlik.calibration.executors import AHEAD, bounded, executor
-from flowlik.camera import Pinhole
 from flowlik.errors import CalibrationError, DataError
 from flowlik.flow import Farneback, LucasKanade
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import simulate
 
 PATH = os.pathsep.join(sys.path)

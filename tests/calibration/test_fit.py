@@ -4,12 +4,12 @@ from scipy.optimize import minimize
 
 from flowlik.calibration import ErrorSketch, fit, place_knots
 from flowlik.errors import CalibrationError
-from flowlik.evaluation.goodness import kolmogorov_smirnov, negative_log_likelihood
-from flowlik.families import FAMILIES
-from flowlik.likelihood import FlowLikelihood
-from flowlik.schedule import Index, Schedule
+from flowlik.evaluation.likelihood.goodness import kolmogorov_smirnov, negative_log_likelihood
+from flowlik.likelihood.families import FAMILIES
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.schedule import Index, Schedule
 from tests.helpers import KNOTS, finite_difference, lcm_likelihood
-from tests.test_likelihood import MODELS, every_model
+from tests.likelihood.test_likelihood import MODELS, every_model
 
 INDEX = Index()
 

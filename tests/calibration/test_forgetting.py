@@ -5,10 +5,10 @@ import pytest
 
 from flowlik.calibration import ErrorSketch, fit
 from flowlik.calibration.sketch import level_edges
-from flowlik.evaluation.goodness import kolmogorov_smirnov, negative_log_likelihood
-from flowlik.families import LaplaceCauchy
-from flowlik.likelihood import FlowLikelihood
-from flowlik.schedule import Index
+from flowlik.evaluation.likelihood.goodness import kolmogorov_smirnov, negative_log_likelihood
+from flowlik.likelihood.families import LaplaceCauchy
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.schedule import Index
 
 N, CHUNKS = 40_000, 5
 

@@ -6,17 +6,17 @@ from flowlik.calibration import (
     ErrorSketch,
     IndexForm,
     Rows,
-    calibrate,
+    fit_likelihood,
     index_form,
     learn_index,
     schedule_index,
 )
 from flowlik.calibration.learn import _fit_weights
 from flowlik.errors import CalibrationError
-from flowlik.evaluation.goodness import coverage, negative_log_likelihood
-from flowlik.families import FAMILIES
+from flowlik.evaluation.likelihood.goodness import coverage, negative_log_likelihood
 from flowlik.flow import Farneback, LucasKanade
-from flowlik.schedule import Index
+from flowlik.likelihood.families import FAMILIES
+from flowlik.likelihood.schedule import Index
 
 NAMES = ("texture", "discrepancy", "residual")
 FORM = IndexForm(NAMES, products=False)
@@ -91,7 +91,7 @@ def test_a_learned_index_beats_texture_on_data_it_has_not_seen():
     nll = {}
     for schedule in ("texture", "index"):
         index = schedule_index(schedule, [[mine]], FORM)
-        model = calibrate([mine.over(index)], FAMILIES["laplace"], LucasKanade())
+        model = fit_likelihood([mine.over(index)], FAMILIES["laplace"], LucasKanade())
         assert model.schedule.name == schedule
         nll[schedule] = negative_log_likelihood(other.over(index), model)
         assert coverage(other.over(index), model, 0.9) == pytest.approx(0.9, abs=0.02)
@@ -126,7 +126,7 @@ def test_schedules_by_name():
 
 def test_a_constant_schedule_is_one_set_of_parameters():
     block = sketch(20_000)
-    model = calibrate([block], FAMILIES["laplace"], LucasKanade(), constant=True)
+    model = fit_likelihood([block], FAMILIES["laplace"], LucasKanade(), constant=True)
     assert model.schedule.name == "constant"
     _, z, _ = drawn(20_000)
     # the mean magnitude is the likeliest scale

@@ -11,17 +11,17 @@ from flowlik.calibration.shared_errors import (
     spread_pairs,
     with_shared_errors,
 )
-from flowlik.camera import Pinhole
 from flowlik.datasets.base import PairSequence
 from flowlik.errors import CalibrationError, ModelError
-from flowlik.families import Gaussian, LaplaceCauchy
 from flowlik.flow import LucasKanade, describe
-from flowlik.likelihood import FlowLikelihood
-from flowlik.measurements import Measurements
-from flowlik.model_file import load_likelihood, save_likelihood
-from flowlik.schedule import Schedule
+from flowlik.geometry.camera import Pinhole
+from flowlik.image.texture import TextureDefinition
+from flowlik.likelihood.families import Gaussian, LaplaceCauchy
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.model_file import load_likelihood, save_likelihood
+from flowlik.likelihood.schedule import Schedule
+from flowlik.measurement.measurements import Measurements
 from flowlik.simulation import simulate
-from flowlik.texture import TextureDefinition
 
 METHOD = LucasKanade()
 KNOTS = np.log([1.0, 10000.0])

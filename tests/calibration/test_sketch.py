@@ -7,9 +7,10 @@ from hypothesis import strategies as st
 
 from flowlik.calibration import ErrorSketch, merge_all
 from flowlik.calibration import sketch as bins
+from flowlik.calibration.sketch_file import load_sketch, save_sketch
 from flowlik.errors import CalibrationError, DataError
-from flowlik.schedule import TEXTURE_RANGE, Index, Input, Term
-from flowlik.tables import magnitude_nodes
+from flowlik.likelihood.schedule import TEXTURE_RANGE, Index, Input, Term
+from flowlik.likelihood.tables import magnitude_nodes
 
 INDEX = Index()
 
@@ -150,13 +151,13 @@ def test_what_is_not_finite_is_not_sketched(bad, where):
 
 def test_a_saved_sketch_comes_back_as_it_was(tmp_path):
     before = sketch(30_000, 1, {"no truth": 7})
-    before.save(tmp_path / "sketch.npz")
-    assert equal(ErrorSketch.load(tmp_path / "sketch.npz"), before)
+    save_sketch(before, tmp_path / "sketch.npz")
+    assert equal(load_sketch(tmp_path / "sketch.npz"), before)
 
 
 def test_a_damaged_file_is_a_data_error(tmp_path):
     path = tmp_path / "sketch.npz"
-    sketch(300, 0).save(path)
+    save_sketch(sketch(300, 0), path)
     whole = path.read_bytes()
     rng = np.random.default_rng(0)
     refused = 0
@@ -168,7 +169,7 @@ def test_a_damaged_file_is_a_data_error(tmp_path):
             damaged[rng.integers(len(whole))] ^= int(rng.integers(1, 256))
         path.write_bytes(damaged)
         try:
-            ErrorSketch.load(path)  # a flipped bit of the archive's bookkeeping may do no harm
+            load_sketch(path)  # a flipped bit of the archive's bookkeeping may do no harm
         except DataError as error:
             refused += 1
             assert str(error).startswith(f"{path}: ")
@@ -186,16 +187,16 @@ def test_files_that_are_no_sketch_are_data_errors(tmp_path):
     ):
         save(tmp_path / name)
         with pytest.raises(DataError, match=f"{name}: not a flowlik sketch"):
-            ErrorSketch.load(tmp_path / name)
+            load_sketch(tmp_path / name)
     with pytest.raises(DataError, match="cannot read"):
-        ErrorSketch.load(tmp_path / "none.npz")
+        load_sketch(tmp_path / "none.npz")
 
 
 def test_a_sketch_of_other_bins_is_a_data_error(tmp_path):
     before = sketch(100, 0)
-    replace(before, counts=before.counts[:-1]).save(tmp_path / "s")
+    save_sketch(replace(before, counts=before.counts[:-1]), tmp_path / "s")
     with pytest.raises(DataError, match="other bins"):
-        ErrorSketch.load(tmp_path / "s")
+        load_sketch(tmp_path / "s")
 
 
 def test_a_learned_index_is_counted_over_its_own_range_and_over_texture():

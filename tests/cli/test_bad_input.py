@@ -283,7 +283,7 @@ def test_a_missing_extra_is_one_line_that_names_it(flight, out, monkeypatch, opt
     def lacking(name):
         raise ModuleNotFoundError(name)
 
-    monkeypatch.setattr("flowlik.extras.import_module", lacking)
+    monkeypatch.setattr("flowlik.support.extras.import_module", lacking)
     outcome = call("odometry", flight, "--estimator", "ransac", option, "--out", out)
     assert outcome.code == 2
     assert len(outcome.err) == 1

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flowlik.flow.brought import find
-from flowlik.model_file import load_likelihood
-from flowlik.records import read_records, select
+from flowlik.flow.callable_flow import find
+from flowlik.likelihood.model_file import load_likelihood
+from flowlik.results.records import read_records, select
 from tests.cli.call import call, succeed
 
 PAGE = Path(__file__).parents[2] / "docs" / "bring-your-own-flow.md"

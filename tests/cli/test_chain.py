@@ -11,12 +11,12 @@ import pytest
 
 from flowlik.datasets import open_sequence
 from flowlik.datasets.flow_files import read_flow, write_flo
-from flowlik.model_file import load_likelihood
-from flowlik.records import FILE_KEYS, read_records, select
+from flowlik.datasets.uncertainty_file import read_uncertainty
+from flowlik.geometry.trajectory import Trajectory, read_kitti, read_tum, write_kitti, write_tum
+from flowlik.likelihood.model_file import load_likelihood
+from flowlik.odometry.trajectory_covariance import read_covariance_csv
+from flowlik.results.records import FILE_KEYS, read_records, select
 from flowlik.simulation.trajectories import curve
-from flowlik.trajectory import Trajectory, read_kitti, read_tum, write_kitti, write_tum
-from flowlik.trajectory_covariance import read_covariance_csv
-from flowlik.uncertainty_file import read_uncertainty
 from tests.cli.call import call, succeed
 from tests.cli.conftest import METHODS, image_of
 

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from flowlik.errors import DataError
-from flowlik.files import atomic_write, read_npz
+from flowlik.support.files import atomic_write, read_npz
 from tests.cli.call import call, leftovers
 from tests.cli.conftest import image_of
 
@@ -122,7 +122,7 @@ def test_an_npz_that_claims_too_much(tmp_path, monkeypatch):
         archive.writestr("a.npy", header.ljust(127) + b"\n")
     with pytest.raises(DataError, match="not a readable npz file"):
         read_npz(tmp_path / "a.npz")
-    monkeypatch.setattr("flowlik.files.MAX_NPZ_BYTES", 2**20)
+    monkeypatch.setattr("flowlik.support.files.MAX_NPZ_BYTES", 2**20)
     np.savez_compressed(tmp_path / "b.npz", a=np.zeros(2**18))
     with pytest.raises(DataError, match="claims more than 1 MiB"):
         read_npz(tmp_path / "b.npz")

@@ -41,10 +41,10 @@ def test_what_is_completed_is_what_is_known():
     from flowlik.calibration.schedules import SCHEDULES
     from flowlik.commands.odometry import ESTIMATORS
     from flowlik.datasets import FORMATS
-    from flowlik.families import FAMILIES
     from flowlik.flow import METHODS, flow_method
-    from flowlik.models import shipped
-    from flowlik.scale import SCALES
+    from flowlik.likelihood.families import FAMILIES
+    from flowlik.likelihood.shipped import shipped
+    from flowlik.odometry.scale import SCALES
     from flowlik.simulation import TRAJECTORIES, WORLDS
 
     known = {
@@ -81,7 +81,9 @@ def test_versions():
 
 
 def test_the_doctor_finds_this_installation_healthy(monkeypatch):
-    monkeypatch.setattr("flowlik.extras.find_spec", lambda package: None if package == "gtsam" else object())
+    monkeypatch.setattr(
+        "flowlik.support.extras.find_spec", lambda package: None if package == "gtsam" else object()
+    )
     found = json.loads(succeed("doctor", "--json").out)
     assert found["healthy"]
     assert found["extras"]["fusion"] == ["gtsam"]

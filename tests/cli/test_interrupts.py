@@ -2,7 +2,7 @@
 
 import pytest
 
-from flowlik.progress import no_progress
+from flowlik.support.progress import no_progress
 from tests.cli.call import call, leftovers, succeed
 
 
@@ -17,7 +17,7 @@ def interrupted(monkeypatch):
                     raise KeyboardInterrupt
                 yield item
 
-        monkeypatch.setattr("flowlik.progress.terminal_progress", progress)
+        monkeypatch.setattr("flowlik.support.progress.terminal_progress", progress)
 
     yield begin
 
@@ -57,7 +57,7 @@ def test_simulation_goes_on_where_it_was_interrupted(flight, tmp_path, interrupt
     begun = {path: path.stat().st_mtime_ns for path in (tmp_path / "again").rglob("*.png")}
     assert len(begun) == 9
     assert not leftovers(tmp_path)
-    monkeypatch.setattr("flowlik.progress.terminal_progress", no_progress)
+    monkeypatch.setattr("flowlik.support.progress.terminal_progress", no_progress)
     succeed(*words)
     files = {path.relative_to(flight): path.read_bytes() for path in flight.rglob("*.*")}
     again = tmp_path / "again"

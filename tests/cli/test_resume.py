@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from flowlik.datasets.tartanair import TartanAir
-from flowlik.families import FAMILIES
-from flowlik.files import read_json
-from flowlik.records import read_records
+from flowlik.likelihood.families import FAMILIES
+from flowlik.results.records import read_records
+from flowlik.support.files import read_json
 from tests.cli.call import call, succeed
 
 COSTS = ("pairs_per_second", "components_per_second", "peak_memory_mb")

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from flowlik.records import read_records
+from flowlik.results.records import read_records
 from tests.cli.call import succeed
 
 TIMED = ("frames_per_second", "pairs_per_second", "components_per_second", "peak_memory_mb")

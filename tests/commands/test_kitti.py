@@ -6,8 +6,8 @@ from flowlik.datasets.kitti import find_sequences
 from flowlik.errors import DataError
 from flowlik.flow.base import describe
 from flowlik.flow.lucas_kanade import LucasKanade
-from flowlik.model_file import save_likelihood
-from flowlik.records import read_records, select
+from flowlik.likelihood.model_file import save_likelihood
+from flowlik.results.records import read_records, select
 from tests.helpers import lcm_likelihood, textured_image
 
 

@@ -6,8 +6,8 @@ import pytest
 from flowlik.commands.plans import FULL, METHODS, QUICK, Flight, Plan
 from flowlik.commands.reproduce import reproduce
 from flowlik.commands.reproduce_flights import BASELINE
-from flowlik.model_file import load_likelihood
-from flowlik.records import read_records, select
+from flowlik.likelihood.model_file import load_likelihood
+from flowlik.results.records import read_records, select
 
 TINY = Plan(
     world="planes",

@@ -5,11 +5,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from flowlik.camera import Pinhole
 from flowlik.datasets import open_sequence
 from flowlik.datasets.euroc import Euroc
 from flowlik.datasets.euroc_files import read_sensor
 from flowlik.errors import DataError, MissingFieldError
+from flowlik.geometry.camera import Pinhole
 
 from .fakes import picture, save
 

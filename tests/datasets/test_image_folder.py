@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from flowlik.camera import Pinhole
 from flowlik.datasets import open_sequence
 from flowlik.datasets.base import frame_pairs
 from flowlik.datasets.image_folder import ImageFolder
 from flowlik.errors import DataError, MissingFieldError
+from flowlik.geometry.camera import Pinhole
 
 from .fakes import HEIGHT, WIDTH, picture, save
 

@@ -11,7 +11,7 @@ from flowlik.datasets import FORMATS, guess_format, open_sequence
 from flowlik.datasets.base import read_grey
 from flowlik.datasets.kitti import KittiOdometry, read_calibration
 from flowlik.errors import DataError
-from flowlik.trajectory import Trajectory, write_kitti
+from flowlik.geometry.trajectory import Trajectory, write_kitti
 
 WIDTH, HEIGHT = 40, 30
 P0 = "P0: 50 0 20 0 0 50 15 0 0 0 1 0"

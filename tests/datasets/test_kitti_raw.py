@@ -6,7 +6,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from flowlik.datasets import guess_format, open_sequence
 from flowlik.datasets.kitti_raw import EARTH_RADIUS_M, KittiRaw, oxts_poses
 from flowlik.errors import DataError, MissingFieldError
-from flowlik.scale import scale_source
+from flowlik.odometry.scale import scale_source
 
 WIDTH, HEIGHT, LATITUDE = 40, 30, 49.0
 # the unit looks along the car, the camera stands 1 m ahead of it, 0.3 m to the left, 0.5 m above

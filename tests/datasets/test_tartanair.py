@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.camera import Pinhole
 from flowlik.datasets.tartanair import TartanAir, decode_poses, encode_depth, encode_flow, encode_poses
 from flowlik.errors import DataError
+from flowlik.geometry.camera import Pinhole
 
 CAMERA = {"width": 12, "height": 8, "fx": 10, "fy": 10, "cx": 5.5, "cy": 3.5, "frames_per_second": 20}
 

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from flowlik.camera import Pinhole
 from flowlik.datasets import open_sequence
 from flowlik.datasets.video import Video
 from flowlik.errors import DataError, MissingFieldError
+from flowlik.geometry.camera import Pinhole
 
 from .fakes import picture
 

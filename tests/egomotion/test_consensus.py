@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flowlik.egomotion import Epipolar, Status, lcmsac, mle
-from flowlik.motion import h, inverse_range
+from flowlik.geometry.motion import h, inverse_range
 from tests.helpers import CAMERA, lcm_likelihood, make_scene, random_motion, tangent_error
 
 MODEL = lcm_likelihood()

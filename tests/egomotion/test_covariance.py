@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from flowlik.calibration.correlation import ScoreProducts, fit_correlation
-from flowlik.correlation import SCALES_PX, ScoreCorrelation, flow_directions
 from flowlik.egomotion import KnownDepth, lcmsac, mle
 from flowlik.egomotion.covariance import SPACING, score_covariance, smoothed_products
 from flowlik.errors import ModelError
-from flowlik.families import Gaussian
-from flowlik.likelihood import FlowLikelihood
-from flowlik.motion import h, inverse_range
-from flowlik.schedule import Schedule
+from flowlik.geometry.motion import h, inverse_range
+from flowlik.likelihood.families import Gaussian
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.schedule import Schedule
+from flowlik.likelihood.shared_errors import SCALES_PX, ScoreCorrelation, flow_directions
 from tests.helpers import CAMERA, lcm_likelihood, make_scene, random_motion, tangent_error
 
 MODEL = lcm_likelihood()

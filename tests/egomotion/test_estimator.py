@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares, minimize
 
-from flowlik import motion
 from flowlik.egomotion import Epipolar, Estimator, KnownDepth, Status, lcmsac, mle, ransac
 from flowlik.errors import ModelError
-from flowlik.likelihood import FlowLikelihood
-from flowlik.measurements import Measurements
-from flowlik.schedule import Index
+from flowlik.geometry import motion
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.schedule import Index
+from flowlik.measurement.measurements import Measurements
 from tests.helpers import CAMERA, lcm_likelihood, make_scene, random_motion, tangent_error
 
 MODEL = lcm_likelihood()

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from flowlik.camera import Pinhole
 from flowlik.egomotion import lcmsac, mle
 from flowlik.flow import flow_method
-from flowlik.model_file import load_likelihood
-from flowlik.odometry import Odometry
+from flowlik.geometry.camera import Pinhole
+from flowlik.likelihood.model_file import load_likelihood
+from flowlik.odometry.odometry import Odometry
 from flowlik.simulation import Sensor, simulate
 
 FRAMES = 12

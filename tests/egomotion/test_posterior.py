@@ -3,13 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flowlik.correlation import SCALES_PX, ScoreCorrelation
 from flowlik.egomotion import GaussianPrior, KnownDepth, Status, lcmsac, log_prob, mle
 from flowlik.egomotion.covariance import temperature
 from flowlik.errors import DataError, ModelError
-from flowlik.likelihood import FlowLikelihood
-from flowlik.motion import exp_se3, inverse_left_jacobian, right_covariance
-from flowlik.odometry import scaled
+from flowlik.geometry.motion import exp_se3, inverse_left_jacobian, right_covariance
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.shared_errors import SCALES_PX, ScoreCorrelation
+from flowlik.odometry.odometry import scaled
 from tests.helpers import CAMERA, finite_difference, lcm_likelihood, make_scene, random_motion, tangent_error
 
 MODEL = lcm_likelihood()

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from flowlik import motion, threads
 from flowlik.egomotion import KnownDepth
 from flowlik.egomotion.epipolar import five_point
 from flowlik.egomotion.residual import Chosen, equations_of
 from flowlik.errors import DataError
-from flowlik.motion import exp_se3
-from flowlik.schedule import Index
+from flowlik.geometry import motion
+from flowlik.geometry.motion import exp_se3
+from flowlik.likelihood.schedule import Index
+from flowlik.support import threads
 from tests.helpers import CAMERA, finite_difference, lcm_likelihood, make_scene, random_motion
 
 MODEL = lcm_likelihood()

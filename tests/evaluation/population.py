@@ -3,9 +3,9 @@
 import numpy as np
 
 from flowlik.calibration import ErrorSketch
-from flowlik.families import LaplaceCauchy
-from flowlik.likelihood import FlowLikelihood
-from flowlik.schedule import Index, Input, Schedule, Term
+from flowlik.likelihood.families import LaplaceCauchy
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.schedule import Index, Input, Schedule, Term
 from tests.helpers import KNOTS, LCM_VALUES, lcm_likelihood
 
 MODEL = lcm_likelihood(method={"name": "synthetic"})

@@ -3,7 +3,7 @@ import pytest
 
 from examples import gtsam_fusion
 from flowlik.egomotion import EgoMotion, Status
-from flowlik.motion import exp_se3, right_covariance
+from flowlik.geometry.motion import exp_se3, right_covariance
 from tests.helpers import random_motion
 
 gtsam = pytest.importorskip("gtsam")

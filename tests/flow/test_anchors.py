@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from flowlik.flow import LucasKanade
 from flowlik.flow.base import all_pixels
-from flowlik.measurements import measure, stratified_pixels
+from flowlik.measurement.measurements import measure, stratified_pixels
 
 SHAPE = (120, 160)
 # flow d(x) = A x + b, as of a road that comes nearer
@@ -69,17 +69,17 @@ def test_flow_is_that_of_the_anchor_where_motion_varies(window, ratio):
     previous, current = pair()
     pixels = stratified_pixels(SHAPE, 800, np.random.default_rng(2), margin=16)
     errors = {}
-    for centred in (False, True):
-        m = measure(previous, current, LucasKanade(window=window, centred=centred), pixels=pixels)
+    for anchor in ("energy", "middle"):
+        m = measure(previous, current, LucasKanade(window=window, anchor=anchor), pixels=pixels)
         assert len(m) > 700
-        errors[centred] = np.median(np.abs(m.flow - flow_at(m.pixels)), axis=0)
+        errors[anchor] = np.median(np.abs(m.flow - flow_at(m.pixels)), axis=0)
     # the motion changes most down the image
-    assert errors[False][1] < ratio * errors[True][1]
+    assert errors["energy"][1] < ratio * errors["middle"][1]
 
 
 def test_the_middle_of_the_patch_is_kept_when_asked_for():
     previous, current = pair()
     pixels = stratified_pixels(SHAPE, 50, np.random.default_rng(3), margin=16)
     np.testing.assert_array_equal(
-        measure(previous, current, LucasKanade(centred=True), pixels=pixels).pixels, pixels
+        measure(previous, current, LucasKanade(anchor="middle"), pixels=pixels).pixels, pixels
     )

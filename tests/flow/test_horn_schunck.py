@@ -3,9 +3,9 @@ import numpy as np
 import pytest
 from scipy import ndimage, sparse
 
-from flowlik import threads
 from flowlik.errors import ModelError
 from flowlik.flow import HornSchunck, _kernels, flow_method
+from flowlik.support import threads
 from tests.helpers import textured_image
 
 SHAPE = (61, 84)

@@ -4,7 +4,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flowlik.camera import Pinhole
 from flowlik.datasets.flow_files import write_flo, write_kitti_flow
 from flowlik.egomotion import ransac
 from flowlik.errors import DataError, ModelError
@@ -19,9 +18,10 @@ from flowlik.flow import (
     method_for_pair,
     method_label,
 )
-from flowlik.measurements import measure
-from flowlik.odometry import Odometry
-from flowlik.odometry_loop import run_odometry
+from flowlik.geometry.camera import Pinhole
+from flowlik.measurement.measurements import measure
+from flowlik.odometry.loop import run_odometry
+from flowlik.odometry.odometry import Odometry
 from tests.helpers import textured_image
 
 SHAPE = (12, 16)

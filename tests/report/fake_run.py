@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from flowlik.files import write_json
-from flowlik.records import Record, write_records
+from flowlik.results.records import Record, write_records
+from flowlik.support.files import write_json
 
 
 def flow_pair(rng, H=24, W=36, sparse=False):

@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import pytest
 
-from flowlik.records import Record
 from flowlik.report.tables import format_value, headlines, reason, tables
+from flowlik.results.records import Record
 from tests.report.fake_run import records
 
 

@@ -1,6 +1,6 @@
 import pytest
 
-from flowlik.camera import Pinhole
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import IDEAL_SENSOR, PlanesWorld, SimulatedSequence
 from flowlik.simulation.trajectories import straight, training
 

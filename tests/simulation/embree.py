@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
+from flowlik.geometry.camera import Pinhole
 
 
 def cast(triangles: np.ndarray, T_n_c: RigidTransform, camera: Pinhole) -> np.ndarray:

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.camera import Pinhole
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation.base import Array, Frame
 
 WALL_Z_M, WALL_TOP_M = 20.0, -4.0

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.camera import Pinhole
 from flowlik.errors import DataError
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import driving
 from flowlik.simulation.base import Frame
 from flowlik.simulation.driving import DrivingWorld

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.camera import Pinhole
 from flowlik.errors import DataError
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation.forest import ForestWorld
 from flowlik.simulation.forest_kinds import MATERIALS, make_kinds
 from flowlik.simulation.geometry import Array, Prototype

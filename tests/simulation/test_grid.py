@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.camera import Pinhole
 from flowlik.errors import DataError
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import GridWorld, PlanesWorld
 from flowlik.simulation.trajectories import TRAJECTORIES
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.camera import Pinhole
 from flowlik.datasets.base import Visibility
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import IDEAL_SENSOR, SimulatedSequence
 from tests.simulation.moving import MovingWorld
 

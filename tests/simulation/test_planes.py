@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.camera import Pinhole
 from flowlik.errors import DataError
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import IDEAL_SENSOR
 from flowlik.simulation.hall import DISPLAY_GAMMA, HALL_HIGH_M, HALL_LOW_M
 from flowlik.simulation.planes import PlanesWorld
@@ -59,7 +59,7 @@ def test_pixel_bounds_hold_every_visible_point(camera: Pinhole) -> None:
 def test_same_bytes_for_any_number_of_threads(camera: Pinhole, monkeypatch: pytest.MonkeyPatch) -> None:
     frames = []
     for threads in (1, 2, 3):
-        monkeypatch.setattr("flowlik.threads.THREADS", threads)
+        monkeypatch.setattr("flowlik.support.threads.THREADS", threads)
         frames.append(PlanesWorld().render(TILTED, camera))
     assert len({frame.radiance.tobytes() for frame in frames}) == 1
     assert len({frame.depth.tobytes() for frame in frames}) == 1

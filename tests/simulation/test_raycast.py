@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.camera import Pinhole
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation.geometry import Instances, Mesh, Prototype, placed
 from flowlik.simulation.light import Light
 from flowlik.simulation.materials import Material, Surface

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
 from flowlik.errors import DataError
+from flowlik.geometry.camera import Pinhole
+from flowlik.geometry.trajectory import Trajectory, write_kitti, write_tum
 from flowlik.simulation import PAPER_CAMERA, WORLDS, simulate
 from flowlik.simulation.scenario import camera_of
 from flowlik.simulation.trajectories import curve
-from flowlik.trajectory import Trajectory, write_kitti, write_tum
 
 CAMERA = Pinhole.from_fov(64, 36, 100.0)
 

@@ -8,8 +8,8 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import RigidTransform
 from scipy.stats import chi2
 
-from flowlik.camera import Pinhole
 from flowlik.errors import DataError
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import IDEAL_SENSOR, PlanesWorld, Sensor, SimulatedSequence
 from flowlik.simulation.base import Frame
 from flowlik.simulation.sensor import displayed, motion_blurred, noisy, point_spread, vignetted
@@ -176,7 +176,7 @@ def test_same_bytes_for_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -
     frame, motion = moved_by(3.3, 9.0, 0.7)
     blurred = []
     for threads in (1, 2, 3):
-        monkeypatch.setattr("flowlik.threads.THREADS", threads)
+        monkeypatch.setattr("flowlik.support.threads.THREADS", threads)
         blurred.append(motion_blurred(frame, CAMERA, motion).tobytes())
     assert len(set(blurred)) == 1
 

@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.camera import Pinhole
 from flowlik.datasets.base import true_flow
 from flowlik.errors import DataError, MissingFieldError
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import IDEAL_SENSOR, PlanesWorld, Sensor, SimulatedSequence, simulate
 from flowlik.simulation.trajectories import straight
 

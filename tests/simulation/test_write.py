@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
 from flowlik.datasets.tartanair import TartanAir
 from flowlik.errors import DataError
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import SimulatedSequence, simulate, write_sequence
 from tests.simulation.moving import MovingWorld
 

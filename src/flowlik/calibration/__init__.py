@@ -7,9 +7,7 @@ from flowlik.calibration.learn import Rows, learn_index
 from flowlik.calibration.pairs import pair_errors
 from flowlik.calibration.run import (
     BOOTSTRAP_BLOCKS,
-    Block,
-    Task,
-    calibrate,
+    fit_likelihood,
     gather,
     sketch_blocks,
     split_blocks,
@@ -24,6 +22,7 @@ from flowlik.calibration.schedules import (
 )
 from flowlik.calibration.shared_errors import measured_pairs, spread_pairs, with_shared_errors
 from flowlik.calibration.sketch import ErrorSketch, merge_all
+from flowlik.calibration.tasks import Block, Task
 
 __all__ = [
     "BOOTSTRAP_BLOCKS",
@@ -37,11 +36,11 @@ __all__ = [
     "SketchCache",
     "Task",
     "bootstrap",
-    "calibrate",
     "check_schedule",
     "choose_smoothing",
     "executor",
     "fit",
+    "fit_likelihood",
     "gather",
     "index_form",
     "learn_index",

@@ -8,17 +8,16 @@ from collections.abc import Callable
 from collections.abc import Sequence as Seq
 from itertools import accumulate
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from flowlik.calibration.sketch import ErrorSketch
-from flowlik.calibration.sketch_file import LAYOUT
+from flowlik.calibration.sketch_file import LAYOUT, load_sketch, save_sketch
+from flowlik.calibration.tasks import Block, Task
 from flowlik.errors import DataError
-from flowlik.files import read_json, write_json
 from flowlik.flow.base import describe
-from flowlik.schedule import index_values
-
-if TYPE_CHECKING:
-    from flowlik.calibration.run import Block, Task
+from flowlik.likelihood.schedule import index_values
+from flowlik.support.files import read_json, write_json
+from flowlik.support.versions import versions
 
 PLAN = "plan.json"
 
@@ -82,7 +81,7 @@ class SketchCache:
     def load(self, block: int) -> list[ErrorSketch] | None:
         """Sketches of a block; None, and a warning, if a file is damaged."""
         try:
-            sketches = [ErrorSketch.load(path) for path in self._paths(block)]
+            sketches = [load_sketch(path) for path in self._paths(block)]
         except DataError as error:
             self.warnings.append(f"{error}; measured again")
             return None
@@ -101,7 +100,7 @@ class SketchCache:
         if not (self.folder / PLAN).is_file():
             write_json(self.folder / PLAN, self._plan)
         for sketch, path in zip(sketches, self._paths(block)):
-            sketch.save(path)
+            save_sketch(sketch, path)
 
     def remove(self) -> None:
         """Delete plan and sketches, also half-written ones, and the folder unless it holds something else."""
@@ -122,11 +121,9 @@ def plan(blocks: Seq[Block], tasks: Seq[Task]) -> Any:
 
     Of each sequence the first image and the number of frames stand for its content.
     """
-    from flowlik.calibration.run import package_versions
-
     sequences = list({id(block.sequence): block.sequence for block in blocks}.values())
     number = {id(sequence): i for i, sequence in enumerate(sequences)}
-    versions = package_versions()
+    installed = versions()
     values = {
         "data": [[s.name, len(s), zlib.crc32(s.image(0).tobytes()) if len(s) else 0] for s in sequences],
         "method": [describe(task.method) for task in tasks],
@@ -137,6 +134,8 @@ def plan(blocks: Seq[Block], tasks: Seq[Task]) -> Any:
         "blocks": [[number[id(block.sequence)], *block.firsts] for block in blocks],
         "seeds": [block.seed for block in blocks],
         "layout": LAYOUT,
-        "versions": {name: versions[name] for name in ("flowlik", "numpy", "opencv-python-headless")},
+        "versions": {
+            k: v for k, v in installed.items() if k in ("flowlik", "numpy") or k.startswith("opencv")
+        },
     }
     return json.loads(json.dumps(values))

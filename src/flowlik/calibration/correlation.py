@@ -8,11 +8,11 @@ import numpy as np
 from numba import njit
 from scipy.optimize import nnls
 
-from flowlik.camera import Array
-from flowlik.correlation import SCALES_PX, ScoreCorrelation, flow_directions, shapes
 from flowlik.errors import CalibrationError
-from flowlik.likelihood import FlowLikelihood
-from flowlik.measurements import Measurements
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.shared_errors import SCALES_PX, ScoreCorrelation, flow_directions, shapes
+from flowlik.measurement.measurements import Measurements
+from flowlik.support.arrays import Array
 
 EDGES_PX = np.concatenate([[0.0], np.geomspace(3.0, 3072.0, 31)])
 """Edges of the distance bins; a bin's distances stand for their geometric mean."""

@@ -21,8 +21,9 @@ from typing import Any
 
 import cv2
 
-from flowlik import threads
 from flowlik.errors import CalibrationError, DataError
+from flowlik.support import threads
+from flowlik.support.versions import versions
 
 Map = Callable[..., Iterator[Any]]
 
@@ -180,8 +181,6 @@ def _distributed() -> Any:
 
 def _client(distributed: Any, address: Any) -> Any:
     """Client of a cluster that has workers, of the same versions as this process."""
-    from flowlik.calibration.run import package_versions
-
     try:
         client = distributed.Client(address, timeout=WAIT_S, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -189,10 +188,12 @@ def _client(distributed: Any, address: Any) -> Any:
         raise CalibrationError(f"no Dask scheduler answers at {address} ({reason})") from None
     try:
         client.wait_for_workers(1, timeout=WAIT_S)
-        mine = package_versions()
-        for worker, theirs in client.run(package_versions).items():
+        mine = versions()
+        for worker, theirs in client.run(versions).items():
             differing = [
-                f"{name} {theirs[name]} not {mine[name]}" for name in mine if theirs[name] != mine[name]
+                f"{name} {theirs.get(name)} not {mine[name]}"
+                for name in mine
+                if theirs.get(name) != mine[name]
             ]
             if differing:
                 raise CalibrationError(f"the Dask worker {worker} has {', '.join(differing)}")

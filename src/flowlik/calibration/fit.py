@@ -8,10 +8,10 @@ import numpy as np
 from scipy.optimize import minimize
 
 from flowlik.calibration.sketch import ErrorSketch, bin_centres, magnitude_centres, merge_all, x_edges
-from flowlik.camera import Array
 from flowlik.errors import CalibrationError
-from flowlik.families import ErrorFamily
-from flowlik.schedule import Schedule, hat_weights
+from flowlik.likelihood.families import ErrorFamily
+from flowlik.likelihood.schedule import Schedule, hat_weights
+from flowlik.support.arrays import Array
 
 SMOOTHING_NAT = 1e-5
 SMOOTHINGS_NAT = (1e-6, 1e-5, 1e-4, 1e-3)

@@ -15,12 +15,12 @@ from scipy.optimize import minimize
 
 from flowlik.calibration.fit import OUTER_QUANTILE, SMOOTHING_NAT, bend
 from flowlik.calibration.sketch import ErrorSketch
-from flowlik.camera import Array
-from flowlik.covariates import covariate
 from flowlik.errors import CalibrationError
-from flowlik.families import ErrorFamily
-from flowlik.families.base import MAGNITUDE_FLOOR_PX
-from flowlik.schedule import Index, Input, Term
+from flowlik.likelihood.covariates import covariate
+from flowlik.likelihood.families import ErrorFamily
+from flowlik.likelihood.families.base import MAGNITUDE_FLOOR_PX
+from flowlik.likelihood.schedule import Index, Input, Term
+from flowlik.support.arrays import Array
 
 KNOTS = 20
 RIDGE_NAT = 1e-4

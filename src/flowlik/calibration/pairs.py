@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flowlik.camera import Array
-from flowlik.datasets.base import Sequence
+from flowlik.datasets.base import ImageSequence
 from flowlik.flow.base import DenseFlow, FlowMethod, Image, method_for_pair
 from flowlik.flow.lucas_kanade import detect_corners
-from flowlik.measurements import Measurements, measure, stratified_pixels
-from flowlik.sampling import sample_flow
-from flowlik.texture import TextureDefinition
+from flowlik.image.sampling import sample_flow
+from flowlik.image.texture import TextureDefinition
+from flowlik.measurement.measurements import Measurements, measure, stratified_pixels
+from flowlik.support.arrays import Array
 
 GRID_PIXELS = 5000
 
@@ -39,7 +39,7 @@ def calibration_pixels(
 
 
 def pair_errors(
-    sequence: Sequence,
+    sequence: ImageSequence,
     k: int,
     method: FlowMethod,
     texture: TextureDefinition | None = None,
@@ -52,7 +52,7 @@ def pair_errors(
 
     Parameters
     ----------
-    sequence : Sequence
+    sequence : ImageSequence
         Data with true flow.
     k : int
         First frame.

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Callable, Iterable, Iterator
 from collections.abc import Sequence as Seq
-from dataclasses import dataclass
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -15,66 +12,21 @@ from flowlik.calibration.cache import SketchCache
 from flowlik.calibration.fit import choose_smoothing, fit, fit_constant
 from flowlik.calibration.pairs import calibration_pixels, pair_errors
 from flowlik.calibration.sketch import ErrorSketch, merge_all
-from flowlik.camera import Array
-from flowlik.covariates import covariate, of_components
-from flowlik.datasets.base import Sequence, frame_pairs
+from flowlik.calibration.tasks import Block, Task
+from flowlik.datasets.base import ImageSequence, frame_pairs
 from flowlik.errors import CalibrationError
-from flowlik.families import ErrorFamily
 from flowlik.flow.base import FlowMethod, describe
-from flowlik.likelihood import FlowLikelihood
-from flowlik.schedule import Index
-from flowlik.texture import TextureDefinition
+from flowlik.image.texture import TextureDefinition
+from flowlik.likelihood.covariates import of_components
+from flowlik.likelihood.families import ErrorFamily
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.support.arrays import Array
+from flowlik.support.versions import versions
 
 BOOTSTRAP_BLOCKS = 40
 
 
-@dataclass(frozen=True)
-class Block:
-    """A run of image pairs of one sequence, by their first frames: the unit of parallel work."""
-
-    sequence: Sequence
-    firsts: range
-    seed: int
-
-
-@dataclass(frozen=True)
-class Task:
-    """What to sketch of every image pair: one sketch for each index of a method's errors.
-
-    Attributes
-    ----------
-    method : FlowMethod
-        Flow.
-    indices : tuple of Index
-        One sketch each, all of the same measurements.
-    keep : tuple of str
-        Covariates that the reservoirs keep besides those of the indices, from which an index can be learned.
-    texture : TextureDefinition
-        Definition of texture.
-    pixels : int or None
-        About so many stratified pixels of a dense method's image; None for all. A sparse method is measured
-        on a grid and at its corners.
-    """
-
-    method: FlowMethod
-    indices: tuple[Index, ...] = (Index(),)
-    keep: tuple[str, ...] = ()
-    texture: TextureDefinition = TextureDefinition()  # noqa: RUF009
-    pixels: int | None = None
-
-    @property
-    def covariates(self) -> tuple[str, ...]:
-        """Every covariate that is measured, texture first."""
-        needed = dict.fromkeys(name for index in self.indices for name in index.covariates)
-        return tuple(dict.fromkeys(["texture", *needed, *self.keep]))
-
-    @property
-    def signals(self) -> tuple[str, ...]:
-        """Every signal that must be measured."""
-        return tuple(sorted({s for name in self.covariates for s in covariate(name).signals}))
-
-
-def split_blocks(sequence: Sequence, seed: int, frames: int = 10) -> list[Block]:
+def split_blocks(sequence: ImageSequence, seed: int, frames: int = 10) -> list[Block]:
     """Blocks of at most `frames` image pairs each."""
     firsts = frame_pairs(sequence)
     return [Block(sequence, firsts[i : i + frames], seed + firsts[i]) for i in range(0, len(firsts), frames)]
@@ -93,7 +45,7 @@ def sketch_block(block: Block, tasks: Seq[Task]) -> list[ErrorSketch]:
     return sketches
 
 
-def _sketch_pair(sequence: Sequence, k: int, task: Task, rng: np.random.Generator) -> list[ErrorSketch]:
+def _sketch_pair(sequence: ImageSequence, k: int, task: Task, rng: np.random.Generator) -> list[ErrorSketch]:
     pixels = calibration_pixels(sequence.image(k), task.method, rng, task.pixels)
     e = pair_errors(sequence, k, task.method, task.texture, pixels, task.signals)
     values = {name: of_components(name, e.measurements) for name in task.covariates}
@@ -185,7 +137,7 @@ def gather(
     return kinds
 
 
-def calibrate(
+def fit_likelihood(
     sketches: Seq[ErrorSketch],
     family: ErrorFamily,
     method: FlowMethod,
@@ -235,14 +187,8 @@ def calibrate(
         "components": merged.total,
         "pairs": merged.pairs,
         "excluded": merged.excluded,
-        "versions": package_versions(),
+        "versions": versions(),
     }
     return FlowLikelihood(
         family, schedule, texture or TextureDefinition(), describe(method), record, {"fit": convergence}
     )
-
-
-def package_versions() -> dict[str, str]:
-    """Versions of what a calibration depends on."""
-    names = ("flowlik", "numpy", "scipy", "opencv-python-headless")
-    return {"python": platform.python_version(), **{name: version(name) for name in names}}

@@ -10,9 +10,9 @@ import numpy as np
 from flowlik.calibration.learn import Rows, learn_index
 from flowlik.calibration.sketch import ErrorSketch, merge_all
 from flowlik.errors import CalibrationError
-from flowlik.families import error_family
 from flowlik.flow.base import DenseFlow, FlowMethod
-from flowlik.schedule import Index, Input, Term
+from flowlik.likelihood.families import error_family
+from flowlik.likelihood.schedule import Index, Input, Term
 
 SCHEDULES = ("constant", "texture", "flow", "index")
 

@@ -11,17 +11,17 @@ import numpy as np
 
 from flowlik.calibration.correlation import ScoreProducts, fit_correlation
 from flowlik.calibration.pairs import pair_errors
-from flowlik.calibration.run import Block
-from flowlik.camera import Array
-from flowlik.datasets.base import Sequence, frame_pairs
+from flowlik.calibration.tasks import Block
+from flowlik.datasets.base import ImageSequence, frame_pairs
 from flowlik.errors import CalibrationError
-from flowlik.families import LaplaceCauchy
-from flowlik.features import DENSE_PIXELS
 from flowlik.flow.base import DenseFlow, FlowMethod
 from flowlik.flow.lucas_kanade import detect_corners
-from flowlik.likelihood import FlowLikelihood
-from flowlik.measurements import Measurements, stratified_pixels
-from flowlik.texture import TextureDefinition
+from flowlik.image.texture import TextureDefinition
+from flowlik.likelihood.families import LaplaceCauchy
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.measurement.features import DENSE_PIXELS
+from flowlik.measurement.measurements import Measurements, stratified_pixels
+from flowlik.support.arrays import Array
 
 VECTORS = 1200
 EMPHASES = np.arange(21) / 10
@@ -95,7 +95,7 @@ def field_errors(likelihood: FlowLikelihood, m: Measurements, z: Array) -> Array
     return np.maximum(errors, LEAST_PX)
 
 
-def spread_pairs(sequence: Sequence, most: int, seed: int) -> list[Block]:
+def spread_pairs(sequence: ImageSequence, most: int, seed: int) -> list[Block]:
     """At most so many pairs of a sequence, evenly spread, a block each."""
     firsts = frame_pairs(sequence)
     chosen = np.linspace(0, len(firsts) - 1, min(most, len(firsts))).astype(int).tolist()

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import reduce
-from pathlib import Path
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from flowlik.camera import Array
 from flowlik.errors import CalibrationError
-from flowlik.schedule import TEXTURE_RANGE, Index
-from flowlik.tables import Z_NODES, magnitude_nodes, magnitude_position
+from flowlik.likelihood.schedule import TEXTURE_RANGE, Index
+from flowlik.likelihood.tables import Z_NODES, magnitude_nodes, magnitude_position
+from flowlik.support.arrays import Array
 
 X_BINS = 224
 LEVELS = 56
@@ -234,19 +233,6 @@ class ErrorSketch:
             rows[chosen],
             excluded,
         )
-
-    def save(self, path: Path | str) -> None:
-        """Write the sketch as a compressed .npz, atomically; `flowlik.calibration.sketch_file` reads it."""
-        from flowlik.calibration.sketch_file import save_sketch
-
-        save_sketch(self, path)
-
-    @classmethod
-    def load(cls, path: Path | str) -> ErrorSketch:
-        """Read a sketch; DataError if the file is missing, damaged, or has other bins."""
-        from flowlik.calibration.sketch_file import load_sketch
-
-        return load_sketch(path)
 
 
 def merge_all(sketches: Iterable[ErrorSketch]) -> ErrorSketch:

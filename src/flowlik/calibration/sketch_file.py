@@ -10,8 +10,8 @@ import numpy as np
 
 from flowlik.calibration.sketch import ErrorSketch
 from flowlik.errors import DataError
-from flowlik.files import atomic_write, read_npz
-from flowlik.schedule import index_of_values, index_values
+from flowlik.likelihood.schedule import index_of_values, index_values
+from flowlik.support.files import atomic_write, read_npz
 
 LAYOUT = 1
 """Number of what sketches count and how they are kept; one more makes saved ones of older code unusable."""

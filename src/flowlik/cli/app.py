@@ -40,7 +40,7 @@ def version(
 ) -> None:
     """Honest error distributions for optical flow: calibrate them, check them, use them."""
     if show:
-        from flowlik.runs import versions
+        from flowlik.support.versions import versions
 
         typer.echo("  ".join(f"{name} {number}" for name, number in versions().items()))
         raise typer.Exit

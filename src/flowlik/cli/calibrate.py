@@ -57,7 +57,7 @@ def run(
     """
     from flowlik.commands.calibrate import calibrate
     from flowlik.commands.sketching import Execution
-    from flowlik.progress import terminal_progress
+    from flowlik.support.progress import terminal_progress
 
     execution = Execution(executor, workers, scheduler, keep_sketches)
     result = calibrate(

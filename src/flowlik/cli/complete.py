@@ -31,6 +31,6 @@ def one_of(names: tuple[str, ...]) -> Callable[[str], list[str]]:
 
 def models(incomplete: str) -> list[str]:
     """Shipped models whose names begin with what was typed; files are the shell's own."""
-    from flowlik.models import shipped
+    from flowlik.likelihood.shipped import shipped
 
     return [name for name in shipped() if name.startswith(incomplete)]

@@ -43,7 +43,7 @@ def run(
     """
     from flowlik.commands.evaluate import evaluate
     from flowlik.commands.sketching import Execution
-    from flowlik.progress import terminal_progress
+    from flowlik.support.progress import terminal_progress
 
     execution = Execution(executor, workers, scheduler, keep_sketches)
     run = evaluate(

@@ -84,7 +84,7 @@ def run(
     `flowlik odometry drive.mcap --topic /camera/image_raw --model lucas-kanade --bag --out drive`
     """
     from flowlik.commands.odometry import odometry
-    from flowlik.progress import terminal_progress
+    from flowlik.support.progress import terminal_progress
 
     result = odometry(
         data, out, model, method, estimator, residual, scale, height, self_calibrate, boresight, gate, frames,

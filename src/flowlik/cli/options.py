@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from flowlik.records import Record
-    from flowlik.runs import RunFolder
+    from flowlik.results.records import Record
+    from flowlik.results.runs import RunFolder
 
 Out = Annotated[Path, typer.Option("--out", "-o", help="Folder of the run: report, figures, metrics.")]
 Model = Annotated[

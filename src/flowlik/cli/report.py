@@ -22,7 +22,7 @@ def run(
 
     page = build(folder)
     if json:
-        from flowlik.records import read_records
+        from flowlik.results.records import read_records
 
         show_records(read_records(folder / "metrics.json"), as_json=True)
     typer.echo(f"report: {page}", err=True)

@@ -33,7 +33,7 @@ def run(
     from flowlik.commands.plans import BYTES_A_FRAME, FULL, QUICK
     from flowlik.commands.reproduce import reproduce
     from flowlik.errors import DataError
-    from flowlik.progress import terminal_progress
+    from flowlik.support.progress import terminal_progress
 
     if kitti is not None:
         from flowlik.commands.kitti import kitti_table

@@ -56,8 +56,8 @@ def run(
     Along real poses: `flowlik simulate driving --trajectory poses/00.txt --traffic 20 --out drive`
     """
     from flowlik.commands.simulate import simulate
-    from flowlik.progress import terminal_progress
     from flowlik.simulation.scenario import camera_of
+    from flowlik.support.progress import terminal_progress
 
     folder = simulate(
         world,

@@ -16,6 +16,7 @@ from flowlik.calibration import (
     bootstrap,
     check_schedule,
     executor,
+    fit_likelihood,
     gather,
     index_form,
     measured_pairs,
@@ -25,23 +26,21 @@ from flowlik.calibration import (
     spread_pairs,
     with_shared_errors,
 )
-from flowlik.calibration import (
-    calibrate as fit_likelihood,
-)
 from flowlik.commands.sketching import Execution, sketch_for_run
 from flowlik.datasets import open_sequence
-from flowlik.evaluation import evidence, table
-from flowlik.evaluation.bias import bias_records
-from flowlik.evaluation.goodness import outside_range
-from flowlik.families import FAMILIES, error_family
+from flowlik.evaluation.likelihood import evidence, table
+from flowlik.evaluation.likelihood.bias import bias_records
+from flowlik.evaluation.likelihood.goodness import outside_range
 from flowlik.flow import describe, flow_method, method_label
 from flowlik.flow.base import FlowMethod
-from flowlik.likelihood import FlowLikelihood
-from flowlik.model_file import save_likelihood
-from flowlik.progress import Progress, no_progress
-from flowlik.records import Record, select
-from flowlik.runs import RunFolder
-from flowlik.schedule import Index
+from flowlik.likelihood.families import FAMILIES, error_family
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.model_file import save_likelihood
+from flowlik.likelihood.schedule import Index
+from flowlik.report import finish
+from flowlik.results.records import Record, select
+from flowlik.results.runs import RunFolder
+from flowlik.support.progress import Progress, no_progress
 
 BAND_REPLICATES = 12
 SHARED_PAIRS = 60
@@ -153,7 +152,7 @@ def calibrate(
         )  # fmt: skip
     chosen = with_shared_errors(chosen, pairs)
     save_likelihood(with_goodness(chosen, run.records), run.path / "models" / f"{label}.json")
-    run.finish()
+    finish(run)
     return run
 
 

@@ -11,17 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
 from flowlik.datasets.base import true_flow
 from flowlik.egomotion import KnownDepth, lcmsac
 from flowlik.errors import FlowlikError
-from flowlik.extras import EXTRAS, missing
 from flowlik.flow import flow_method
-from flowlik.measurements import measure
-from flowlik.model_file import load_likelihood
-from flowlik.models import shipped
-from flowlik.runs import versions
-from flowlik.threads import THREADS
+from flowlik.geometry.camera import Pinhole
+from flowlik.likelihood.model_file import load_likelihood
+from flowlik.likelihood.shipped import shipped
+from flowlik.measurement.measurements import measure
+from flowlik.support.extras import EXTRAS, missing
+from flowlik.support.threads import THREADS
+from flowlik.support.versions import versions
 
 MODEL = "lucas-kanade"
 CAMERA = Pinhole(320, 240, 250.0, 250.0, 159.5, 119.5)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from flowlik.errors import DataError
-from flowlik.evaluation.motion_records import trajectory_records
-from flowlik.records import Record
-from flowlik.trajectory import read_trajectory
+from flowlik.evaluation.motion.motion_records import trajectory_records
+from flowlik.geometry.trajectory import read_trajectory
+from flowlik.results.records import Record
 
 
 def drift(estimated: Path, truth: Path) -> list[Record]:

@@ -10,11 +10,12 @@ from flowlik.commands.calibrate import add_evidence
 from flowlik.commands.sketching import Execution, sketch_for_run
 from flowlik.datasets import open_sequence
 from flowlik.errors import DataError
-from flowlik.evaluation.eigenbasis import kept_for_eigenbasis
+from flowlik.evaluation.likelihood.eigenbasis import kept_for_eigenbasis
 from flowlik.flow import confirmed_method, method_label
-from flowlik.model_file import load_likelihood
-from flowlik.progress import Progress, no_progress
-from flowlik.runs import RunFolder
+from flowlik.likelihood.model_file import load_likelihood
+from flowlik.report import finish
+from flowlik.results.runs import RunFolder
+from flowlik.support.progress import Progress, no_progress
 
 
 def evaluate(
@@ -78,5 +79,5 @@ def evaluate(
         label = f"{method_label(likelihood.method or {})}-{sequence.name.replace('/', '-')}"
         models = {likelihood.family.name: likelihood}
         add_evidence(run, sketches, models, sequence.name, label, seed, 10_000, 1, split="evaluation")
-    run.finish()
+    finish(run)
     return run

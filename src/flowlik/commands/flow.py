@@ -8,24 +8,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.camera import Array
 from flowlik.datasets.base import read_grey
 from flowlik.datasets.flow_files import KITTI_MOST_PX, read_flow, write_flo, write_kitti_flow
 from flowlik.datasets.intrinsics import CameraLike, given_camera, read_if_file
 from flowlik.datasets.lens import Lens
+from flowlik.datasets.uncertainty_file import write_uncertainty
 from flowlik.errors import DataError
-from flowlik.evaluation.evidence import outside_warning
-from flowlik.files import atomic_write
+from flowlik.evaluation.likelihood.evidence import outside_warning
 from flowlik.flow import confirmed_method, describe, method_label
 from flowlik.flow.base import Image
-from flowlik.likelihood import FlowLikelihood
-from flowlik.measurements import Measurements, measure
-from flowlik.model_file import load_likelihood
-from flowlik.records import Record, protocol
-from flowlik.runs import RunFolder
-from flowlik.sampling import sample_flow
-from flowlik.uncertainty_file import write_uncertainty
-from flowlik.viewer import viewer
+from flowlik.image.sampling import sample_flow
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.model_file import load_likelihood
+from flowlik.measurement.measurements import Measurements, measure
+from flowlik.report import finish
+from flowlik.report.viewer import viewer
+from flowlik.results.records import Record, protocol
+from flowlik.results.runs import RunFolder
+from flowlik.support.arrays import Array
+from flowlik.support.files import atomic_write
 
 COVERAGES = (0.5, 0.68, 0.9, 0.95)
 
@@ -53,7 +54,7 @@ def flow(
         Model file; it names the flow method.
     out : Path
         Run folder: report, figure, ``flow.npz`` with pixels, flow, half-widths and eigenbasis, and as images
-        ``flow.flo``, ``flow.png`` (KITTI's) and ``uncertainty.png`` (`flowlik.uncertainty_file`).
+        ``flow.flo``, ``flow.png`` (KITTI's) and ``uncertainty.png`` (`flowlik.datasets.uncertainty_file`).
     truth : Path, optional
         True flow (.flo, KITTI PNG or .npy), to report coverage.
     method : str, optional
@@ -98,7 +99,7 @@ def flow(
     _write(run, picture, m, half_width, confidence)
     shown.pair(0.0, image, m, likelihood, confidence)
     shown.close()
-    run.finish()
+    finish(run)
     return run
 
 

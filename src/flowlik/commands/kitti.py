@@ -6,17 +6,18 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from flowlik.datasets.base import Sequence
+from flowlik.comparison.drive_records import drive_figures, drive_records
+from flowlik.comparison.drives import run_drive
+from flowlik.datasets.base import ImageSequence
 from flowlik.datasets.kitti import KittiOdometry, find_sequences
 from flowlik.datasets.kitti_raw import ODOMETRY_DRIVES, KittiRaw
 from flowlik.datasets.selection import Selection, select_frames
 from flowlik.errors import DataError
-from flowlik.evaluation.drive_records import drive_figures, drive_records
-from flowlik.evaluation.drives import run_drive
-from flowlik.model_file import load_likelihood
-from flowlik.progress import Progress, no_progress
-from flowlik.records import Record, protocol
-from flowlik.runs import RunFolder
+from flowlik.likelihood.model_file import load_likelihood
+from flowlik.report import finish
+from flowlik.results.records import Record, protocol
+from flowlik.results.runs import RunFolder
+from flowlik.support.progress import Progress, no_progress
 
 TABLE_III = ("00", "01", "03")
 PUBLISHED = {
@@ -90,11 +91,11 @@ def kitti_table(
                 run.records.append(
                     Record("t_err_percent", values[name], "%", sequence.name, estimator=label, protocol=note)
                 )
-    run.finish()
+    finish(run)
     return run
 
 
-def find_table_sequences(root: Path) -> dict[str, Callable[[], Sequence]]:
+def find_table_sequences(root: Path) -> dict[str, Callable[[], ImageSequence]]:
     """What opens the sequences below a root, by name: from KITTI raw where its drives are there."""
     drives = {
         name: next(iter(sorted(root.glob(f"**/{drive}_sync"))), None)
@@ -106,6 +107,6 @@ def find_table_sequences(root: Path) -> dict[str, Callable[[], Sequence]]:
     return {name: partial(KittiOdometry, folder) for name, folder in find_sequences(root).items()}
 
 
-def _of_raw(folder: Path, frames: int) -> Sequence:
+def _of_raw(folder: Path, frames: int) -> ImageSequence:
     drive = KittiRaw(folder)
     return Selection(drive, range(min(frames, len(drive))))

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flowlik.covariates import covariate
-from flowlik.model_file import find_model, load_likelihood
-from flowlik.models import shipped
+from flowlik.likelihood.covariates import covariate
+from flowlik.likelihood.model_file import find_model, load_likelihood
+from flowlik.likelihood.shipped import shipped
 
 
 @dataclass(frozen=True)

@@ -12,29 +12,30 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.commands.odometry_files import write_frames, write_intrinsics
 from flowlik.commands.odometry_results import run_records, save_figures, skipped_record
 from flowlik.datasets import open_sequence
-from flowlik.datasets.base import Sequence
+from flowlik.datasets.base import ImageSequence
 from flowlik.datasets.selection import select_frames
 from flowlik.egomotion import Estimator, lcmsac, mle, ransac
-from flowlik.egomotion.self_calibration import SelfCalibration
 from flowlik.errors import DataError, MissingFieldError
-from flowlik.evaluation.data_check import agreement, disagreement_warning
-from flowlik.evaluation.evidence import outside_warning
-from flowlik.evaluation.motion_records import true_trajectory
-from flowlik.extras import extra
-from flowlik.features import features_of
+from flowlik.evaluation.likelihood.evidence import outside_warning
+from flowlik.evaluation.motion.data_check import agreement, disagreement_warning
+from flowlik.evaluation.motion.motion_records import true_trajectory
 from flowlik.flow import confirmed_method, describe, flow_method
 from flowlik.flow.base import FlowMethod
-from flowlik.model_file import load_likelihood
-from flowlik.odometry import Odometry
-from flowlik.odometry_loop import ResidualKind, run_odometry
-from flowlik.progress import Progress, no_progress
-from flowlik.records import select
-from flowlik.ros_odometry import write_odometry_bag
-from flowlik.runs import RunFolder
-from flowlik.scale import SCALES, scale_source
-from flowlik.trajectory import Trajectory, write_kitti, write_tum
-from flowlik.trajectory_covariance import write_covariance
-from flowlik.viewer import viewer, watched_by
+from flowlik.geometry.trajectory import Trajectory, write_kitti, write_tum
+from flowlik.likelihood.model_file import load_likelihood
+from flowlik.measurement.features import features_of
+from flowlik.odometry.loop import ResidualKind, run_odometry
+from flowlik.odometry.odometry import Odometry
+from flowlik.odometry.ros_odometry import write_odometry_bag
+from flowlik.odometry.scale import SCALES, scale_source
+from flowlik.odometry.self_calibration import SelfCalibration
+from flowlik.odometry.trajectory_covariance import write_covariance
+from flowlik.report import finish
+from flowlik.report.viewer import viewer, watched_by
+from flowlik.results.records import select
+from flowlik.results.runs import RunFolder
+from flowlik.support.extras import extra
+from flowlik.support.progress import Progress, no_progress
 
 ESTIMATORS = ("ransac", "lcmsac", "mle")
 
@@ -200,7 +201,7 @@ def odometry(
             f"{sequence.name}: {predicted} of {len(motions)} frames could not be solved and were predicted "
             "from the motions before them; frames.csv says which and why"
         )
-    run.finish()
+    finish(run)
     return run
 
 
@@ -226,7 +227,7 @@ def choose(
     return flow, (lcmsac if estimator == "lcmsac" else mle)(likelihood, gate=gate)
 
 
-def _residual_kind(sequence: Sequence, asked: str | None) -> ResidualKind:
+def _residual_kind(sequence: ImageSequence, asked: str | None) -> ResidualKind:
     if asked not in (None, "depth", "epipolar"):
         raise DataError(f"unknown residual {asked!r}: known are depth, epipolar")
     if asked is not None:

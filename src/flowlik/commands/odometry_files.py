@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.egomotion import EgoMotion
-from flowlik.egomotion.self_calibration import Intrinsics
-from flowlik.files import atomic_write
-from flowlik.trajectory import Trajectory
+from flowlik.geometry.trajectory import Trajectory
+from flowlik.odometry.self_calibration import Intrinsics
+from flowlik.support.files import atomic_write
 
 
 def write_frames(

@@ -7,20 +7,20 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.datasets.base import Sequence
+from flowlik.datasets.base import ImageSequence
 from flowlik.datasets.selection import Skipped
 from flowlik.egomotion import EgoMotion, Estimator
-from flowlik.evaluation.drift import relative_pose_errors
-from flowlik.evaluation.motion_records import status_records, trajectory_records
+from flowlik.evaluation.motion.drift import relative_pose_errors
+from flowlik.evaluation.motion.motion_records import status_records, trajectory_records
 from flowlik.flow import describe, method_label
 from flowlik.flow.base import FlowMethod
-from flowlik.records import Record, protocol
-from flowlik.runs import RunFolder
-from flowlik.trajectory import Trajectory
+from flowlik.geometry.trajectory import Trajectory
+from flowlik.results.records import Record, protocol
+from flowlik.results.runs import RunFolder
 
 
 def run_records(
-    sequence: Sequence,
+    sequence: ImageSequence,
     estimated: Trajectory,
     truth: Trajectory | None,
     motions: list[EgoMotion],

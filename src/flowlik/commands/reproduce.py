@@ -21,19 +21,20 @@ from flowlik.calibration import (
     with_shared_errors,
 )
 from flowlik.calibration.shared_errors import Pairs
-from flowlik.camera import Pinhole
 from flowlik.commands.calibrate import BEST_FAMILY, add_evidence, fit_families, with_goodness
 from flowlik.commands.plans import FAMILIES_SHOWN, METHODS, QUICK, Flight, Plan
 from flowlik.commands.reproduce_flights import BLOCK, add_ratios, flight_sequence, fly
-from flowlik.datasets.base import Sequence
-from flowlik.evaluation.evidence import table
+from flowlik.datasets.base import ImageSequence
+from flowlik.evaluation.likelihood.evidence import table
 from flowlik.flow import flow_method
 from flowlik.flow.base import FlowMethod
-from flowlik.likelihood import FlowLikelihood
-from flowlik.model_file import save_likelihood
-from flowlik.progress import Progress, no_progress
-from flowlik.runs import RunFolder
-from flowlik.schedule import Index
+from flowlik.geometry.camera import Pinhole
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.model_file import save_likelihood
+from flowlik.likelihood.schedule import Index
+from flowlik.report import finish
+from flowlik.results.runs import RunFolder
+from flowlik.support.progress import Progress, no_progress
 
 SHARED_PAIRS = 3
 """Of every calibration flight, for what errors share."""
@@ -74,7 +75,7 @@ def reproduce(
             _evaluate(run, plan, flight, method, models[method.name], found.pop(0), found.pop(0))
         fly(run, plan, flight, camera, methods, models, progress)
     add_ratios(run, plan)
-    run.finish()
+    finish(run)
     return run
 
 
@@ -100,7 +101,7 @@ def _calibrated(
 
 
 def _sketch(
-    sequence: Sequence,
+    sequence: ImageSequence,
     plan: Plan,
     flight: Flight,
     tasks: list[Task],

@@ -10,30 +10,31 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Array, Pinhole
 from flowlik.commands.calibrate import BEST_FAMILY
 from flowlik.commands.plans import METHODS, Flight, Plan
-from flowlik.datasets.base import Sequence
+from flowlik.comparison.baselines import opencv_pnp
+from flowlik.datasets.base import ImageSequence
 from flowlik.datasets.tartanair import TartanAir
 from flowlik.egomotion import Estimator, KnownDepth, lcmsac, mle, ransac
-from flowlik.evaluation.baselines import opencv_pnp
-from flowlik.evaluation.drift import relative_pose_errors
-from flowlik.evaluation.motion_records import trajectory_records, true_trajectory
-from flowlik.features import features_of, measure_features
+from flowlik.evaluation.motion.drift import relative_pose_errors
+from flowlik.evaluation.motion.motion_records import trajectory_records, true_trajectory
 from flowlik.flow.base import FlowMethod
-from flowlik.likelihood import FlowLikelihood
-from flowlik.progress import Progress
-from flowlik.records import Record, protocol
-from flowlik.runs import RunFolder
+from flowlik.geometry.camera import Pinhole
+from flowlik.geometry.trajectory import Trajectory, chain
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.measurement.features import features_of, measure_features
+from flowlik.results.records import Record, protocol
+from flowlik.results.runs import RunFolder
 from flowlik.simulation import simulate, write_sequence
-from flowlik.trajectory import Trajectory, chain
+from flowlik.support.arrays import Array
+from flowlik.support.progress import Progress
 
 BASELINE = "opencv-pnp"
 BLOCK = 10
 """Image pairs of a block, for sketches and for the bootstrap."""
 
 
-def flight_sequence(run: RunFolder, plan: Plan, flight: Flight, camera: Pinhole) -> Sequence:
+def flight_sequence(run: RunFolder, plan: Plan, flight: Flight, camera: Pinhole) -> ImageSequence:
     """Flight that renders on demand or, where the plan is cached, as it stands on disk."""
     frames = flight.pairs + 1
     sequence = simulate(plan.world, flight.trajectory, frames, flight.speed_mps, flight.seed, camera)
@@ -96,7 +97,9 @@ def fly(
             run.save("flow-sequence", f"{method.name}-{dataset}", _flow_sequence(sequence, method))
 
 
-def _residuals(sequence: Sequence, method: FlowMethod, likelihood: FlowLikelihood) -> Iterator[KnownDepth]:
+def _residuals(
+    sequence: ImageSequence, method: FlowMethod, likelihood: FlowLikelihood
+) -> Iterator[KnownDepth]:
     signals = likelihood.signals
     for k in range(len(sequence) - 1):
         m = measure_features(sequence.image(k), sequence.image(k + 1), method, likelihood.texture, k, signals)
@@ -127,7 +130,7 @@ def _save_figures(run: RunFolder, label: str, trajectories: dict[str, Trajectory
     )  # fmt: skip
 
 
-def _flow_sequence(sequence: Sequence, method: FlowMethod) -> dict[str, NDArray[Any]]:
+def _flow_sequence(sequence: ImageSequence, method: FlowMethod) -> dict[str, NDArray[Any]]:
     """Three frames of the paper's Fig. 3: image, true flow, measured flow."""
     frames = np.linspace(0, len(sequence) - 2, 3).astype(int)
     images = np.stack([sequence.image(k) for k in frames])

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from flowlik.camera import Pinhole
-from flowlik.progress import Progress, no_progress
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import IDEAL_SENSOR, Sensor, write_sequence
 from flowlik.simulation import simulate as simulate_sequence
+from flowlik.support.progress import Progress, no_progress
 
 
 def simulate(

@@ -9,10 +9,10 @@ from typing import Any
 
 from flowlik.calibration import Block, ErrorSketch, SketchCache, Task, executor, sketch_blocks
 from flowlik.calibration.cache import first_sketches
-from flowlik.progress import Progress
-from flowlik.records import Record, protocol
-from flowlik.resources import peak_memory_mb
-from flowlik.runs import RunFolder
+from flowlik.results.records import Record, protocol
+from flowlik.results.runs import RunFolder
+from flowlik.support.progress import Progress
+from flowlik.support.resources import peak_memory_mb
 
 
 @dataclass(frozen=True)

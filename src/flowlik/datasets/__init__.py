@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flowlik.datasets import layouts
-from flowlik.datasets.base import Sequence
+from flowlik.datasets.base import ImageSequence
 from flowlik.errors import DataError
 
 if TYPE_CHECKING:
@@ -31,91 +31,91 @@ class Format:
         Of ``camera``, ``frames_per_second``, ``lenient`` and ``topic``, those that the format takes.
     """
 
-    open: Callable[..., Sequence]
+    open: Callable[..., ImageSequence]
     fits: Callable[[Path], bool]
     layout: str
     options: tuple[str, ...] = ()
 
 
-def _open_kitti(path: Path, **options: Any) -> Sequence:
+def _open_kitti(path: Path, **options: Any) -> ImageSequence:
     from flowlik.datasets.kitti import KittiOdometry
 
     return KittiOdometry(path, **options)
 
 
-def _open_kitti_raw(path: Path, **options: Any) -> Sequence:
+def _open_kitti_raw(path: Path, **options: Any) -> ImageSequence:
     from flowlik.datasets.kitti_raw import KittiRaw
 
     return KittiRaw(path, **options)
 
 
-def _open_tartanair(path: Path) -> Sequence:
+def _open_tartanair(path: Path) -> ImageSequence:
     from flowlik.datasets.tartanair import TartanAir
 
     return TartanAir(path)
 
 
-def _open_sintel(path: Path) -> Sequence:
+def _open_sintel(path: Path) -> ImageSequence:
     from flowlik.datasets.sintel import Sintel
 
     return Sintel(path)
 
 
-def _open_kitti_flow(path: Path) -> Sequence:
+def _open_kitti_flow(path: Path) -> ImageSequence:
     from flowlik.datasets.kitti_flow import KittiFlow
 
     return KittiFlow(path)
 
 
-def _open_middlebury_flow(path: Path) -> Sequence:
+def _open_middlebury_flow(path: Path) -> ImageSequence:
     from flowlik.datasets.middlebury import MiddleburyFlow
 
     return MiddleburyFlow(path)
 
 
-def _open_middlebury_stereo(path: Path) -> Sequence:
+def _open_middlebury_stereo(path: Path) -> ImageSequence:
     from flowlik.datasets.middlebury import MiddleburyStereo
 
     return MiddleburyStereo(path)
 
 
-def _open_flying_chairs(path: Path) -> Sequence:
+def _open_flying_chairs(path: Path) -> ImageSequence:
     from flowlik.datasets.flying_chairs import FlyingChairs
 
     return FlyingChairs(path)
 
 
-def _open_seven_scenes(path: Path, **options: Any) -> Sequence:
+def _open_seven_scenes(path: Path, **options: Any) -> ImageSequence:
     from flowlik.datasets.seven_scenes import SevenScenes
 
     return SevenScenes(path, **options)
 
 
-def _open_tum_rgbd(path: Path, **options: Any) -> Sequence:
+def _open_tum_rgbd(path: Path, **options: Any) -> ImageSequence:
     from flowlik.datasets.tum_rgbd import TumRgbd
 
     return TumRgbd(path, **options)
 
 
-def _open_euroc(path: Path) -> Sequence:
+def _open_euroc(path: Path) -> ImageSequence:
     from flowlik.datasets.euroc import Euroc
 
     return Euroc(path)
 
 
-def _open_image_folder(path: Path, **options: Any) -> Sequence:
+def _open_image_folder(path: Path, **options: Any) -> ImageSequence:
     from flowlik.datasets.image_folder import ImageFolder
 
     return ImageFolder(path, **options)
 
 
-def _open_video(path: Path, **options: Any) -> Sequence:
+def _open_video(path: Path, **options: Any) -> ImageSequence:
     from flowlik.datasets.video import Video
 
     return Video(path, **options)
 
 
-def _open_ros(path: Path, **options: Any) -> Sequence:
+def _open_ros(path: Path, **options: Any) -> ImageSequence:
     from flowlik.datasets.lens import Undistorted
     from flowlik.datasets.ros_bag import RosBag
 
@@ -178,7 +178,7 @@ def open_sequence(
     frames_per_second: float | None = None,
     lenient: bool = False,
     topic: str | None = None,
-) -> Sequence:
+) -> ImageSequence:
     """Open the folder of a sequence, or a video file.
 
     Parameters

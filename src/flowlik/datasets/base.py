@@ -1,4 +1,4 @@
-"""The Sequence protocol: what flowlik asks of a data set."""
+"""The ImageSequence protocol: what flowlik asks of a data set."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
 from flowlik.datasets._truncation import claimed_size, is_whole
 from flowlik.errors import DataError, MissingFieldError
-from flowlik.motion import relative_motion
+from flowlik.geometry.camera import Pinhole
+from flowlik.geometry.motion import relative_motion
 
 MAX_PIXELS = 2**27
 """Pixels an image may have; a header that claims more is taken for damage before memory is asked for."""
@@ -26,7 +26,7 @@ MAX_FILE_BYTES = 2**30
 _T = TypeVar("_T", bound=np.generic)
 
 
-class Sequence(Protocol):
+class ImageSequence(Protocol):
     """Frames of one camera in time order.
 
     What a data set lacks (poses, depth, ...) is not guessed: the method raises one DataError that
@@ -71,17 +71,17 @@ class Sequence(Protocol):
 class PairSequence:
     """Base of data sets of isolated image pairs: frames 2i and 2i + 1 are a pair, and no others are.
 
-    Such a data set meets the `Sequence` protocol, but ``flow(k)`` is there for even k only, and images of
-    different pairs may differ in size. Walk over `frame_pairs` and both kinds are served.
+    Such a data set meets the `ImageSequence` protocol, but ``flow(k)`` is there for even k only, and images
+    of different pairs may differ in size. Walk over `frame_pairs` and both kinds are served.
     """
 
 
-def frame_pairs(sequence: Sequence | PairSequence) -> range:
+def frame_pairs(sequence: ImageSequence | PairSequence) -> range:
     """First frames k of the image pairs (k, k + 1) of a sequence.
 
     Every frame but the last begins one, or in a `PairSequence` every second frame.
     """
-    frames = len(cast(Sequence, sequence))
+    frames = len(cast(ImageSequence, sequence))
     return range(0, frames - 1, 2) if isinstance(sequence, PairSequence) else range(max(frames - 1, 0))
 
 
@@ -154,7 +154,7 @@ def _size(shape: tuple[int, ...]) -> str:
     return " x ".join(map(str, shape[1::-1]))
 
 
-def frame_index(sequence: Sequence, k: int) -> int:
+def frame_index(sequence: ImageSequence, k: int) -> int:
     """Frame number k, or a DataError that says how many frames there are."""
     if not 0 <= k < len(sequence):
         raise DataError(f"{sequence.name}: no frame {k}, there are {len(sequence)} frames")
@@ -197,7 +197,7 @@ def mover_motions(
     return T_n_k1.inv() * T_n_o1 * T_n_o.inv() * T_n_k
 
 
-def motion_to_next(sequence: Sequence, k: int) -> RigidTransform:
+def motion_to_next(sequence: ImageSequence, k: int) -> RigidTransform:
     """Motion T_k1_k: camera of frame k to camera of frame k + 1."""
     return relative_motion(sequence.T_n_c(k), sequence.T_n_c(frame_index(sequence, k) + 1))
 

@@ -11,7 +11,7 @@ import yaml
 
 from flowlik.datasets.lens import Lens
 from flowlik.errors import DataError
-from flowlik.files import read_text
+from flowlik.support.files import read_text
 
 MAX_BYTES = 2**16
 MAX_SIDE = 2**16

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.camera import Pinhole
 from flowlik.datasets.base import frame_index, lacks
 from flowlik.datasets.euroc_files import SensorFile, read_csv, read_sensor
 from flowlik.datasets.frames import FrameFiles
 from flowlik.datasets.poses import nearest, rigid_transform
 from flowlik.errors import DataError
-from flowlik.files import numbers
-from flowlik.trajectory import ROTATION_TOLERANCE, check_times
+from flowlik.geometry.camera import Pinhole
+from flowlik.geometry.trajectory import ROTATION_TOLERANCE, check_times
+from flowlik.support.files import numbers
 
 TOLERANCE_S = 0.003
 """Half the period of the poses (200 Hz), and a little more."""
@@ -26,7 +26,7 @@ NS_PER_S = 10**9
 
 
 class Euroc(FrameFiles):
-    """The left camera of one EuRoC MAV sequence (Burri et al. 2016), a `Sequence`.
+    """The left camera of one EuRoC MAV sequence (Burri et al. 2016), a `ImageSequence`.
 
     ``mav0/cam0`` holds ``data.csv`` (times and files), ``data`` and ``sensor.yaml`` (intrinsics, distortion,
     place on the robot), ``mav0/state_groundtruth_estimate0/data.csv`` the robot's poses. Images are

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.errors import DataError
-from flowlik.files import numbers, read_text
+from flowlik.support.files import numbers, read_text
 
 MAX_YAML_BYTES = 2**14
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from flowlik.datasets.base import decode_image
 from flowlik.errors import DataError
-from flowlik.files import atomic_write
+from flowlik.support.files import atomic_write
 
 Array = NDArray[np.float64]
 

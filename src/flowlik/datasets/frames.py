@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
 from flowlik.datasets.base import (
     decode_image,
     frame_index,
@@ -24,6 +23,7 @@ from flowlik.datasets.base import (
     visibility_next,
 )
 from flowlik.errors import DataError
+from flowlik.geometry.camera import Pinhole
 
 
 class Lacking:

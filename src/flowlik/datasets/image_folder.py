@@ -10,11 +10,11 @@ from flowlik.datasets.frames import FrameFiles
 from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_camera
 from flowlik.datasets.layouts import IMAGE_SUFFIXES
 from flowlik.errors import DataError
-from flowlik.trajectory import read_times
+from flowlik.geometry.trajectory import read_times
 
 
 class ImageFolder(GivenCamera, FrameFiles):
-    """The images of one size in a folder, a `Sequence` without truth.
+    """The images of one size in a folder, a `ImageSequence` without truth.
 
     They are taken in the order of their names, in which numbers count as numbers (``2.png`` before
     ``10.png``). Times are those of ``times.txt`` (one [s] a row) if there is one in the folder, else frame /

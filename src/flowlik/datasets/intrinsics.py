@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence as Seq
 from pathlib import Path
 
-from flowlik.camera import Pinhole
 from flowlik.datasets.base import lacks
 from flowlik.datasets.camera_file import read_camera
 from flowlik.datasets.lens import Lens
 from flowlik.errors import DataError
-from flowlik.files import numbers
+from flowlik.geometry.camera import Pinhole
+from flowlik.support.files import numbers
 
 CameraLike = Pinhole | Lens | str | Path | Seq[float]
 """A camera, its numbers [px] as text or sequence (``f,cx,cy`` or ``fx,fy,cx,cy``), or a camera file."""

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
 from flowlik.datasets.base import frame_index, lacks, read_grey
 from flowlik.datasets.frames import first_readable
 from flowlik.errors import DataError
-from flowlik.files import numbers, read_text
-from flowlik.trajectory import FRAME_RATE, read_kitti_poses, read_times
+from flowlik.geometry.camera import Pinhole
+from flowlik.geometry.trajectory import FRAME_RATE, read_kitti_poses, read_times
+from flowlik.support.files import numbers, read_text
 
 IMAGE_FOLDERS = {"image_0": "P0", "image_2": "P2"}
 """Image folders in the order of preference, each with the row of ``calib.txt`` of its camera."""
@@ -46,7 +46,7 @@ def find_sequences(root: Path | str) -> dict[str, Path]:
 
 
 class KittiOdometry:
-    """One sequence of the KITTI odometry benchmark, or a clip of one, as a `Sequence`.
+    """One sequence of the KITTI odometry benchmark, or a clip of one, as a `ImageSequence`.
 
     Images are those of ``image_0``, else of ``image_2`` (as grey). KITTI's poses are those of camera 0;
     `T_n_c` gives those of the camera whose images are read. {n} is the frame of the pose file.

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.camera import Pinhole
 from flowlik.datasets.base import frame_index, lacks, read_grey
 from flowlik.datasets.frames import first_readable
 from flowlik.datasets.kitti import images_in, numbered_images
 from flowlik.errors import DataError
-from flowlik.files import numbers, read_table, read_text
-from flowlik.trajectory import FRAME_RATE, check_times
+from flowlik.geometry.camera import Pinhole
+from flowlik.geometry.trajectory import FRAME_RATE, check_times
+from flowlik.support.files import numbers, read_table, read_text
 
 EARTH_RADIUS_M = 6378137.0
 OXTS_COLUMNS = 30
@@ -30,7 +30,7 @@ RIGHT = {"00": "01", "02": "03"}
 
 
 class KittiRaw:
-    """One drive of KITTI raw (``..._sync``), as a `Sequence`.
+    """One drive of KITTI raw (``..._sync``), as a `ImageSequence`.
 
     Images are those of ``image_00``, else of ``image_02`` (as grey), rectified. `T_n_c` comes from OXTS: its
     position (Mercator's projection, as in KITTI's devkit), attitude, and the lever arm from the unit to the

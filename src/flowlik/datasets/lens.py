@@ -10,10 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.camera import Array, Pinhole
-from flowlik.datasets.base import Sequence, is_visible, motion_to_next, true_flow, visibility_next
+from flowlik.datasets.base import ImageSequence, is_visible, motion_to_next, true_flow, visibility_next
 from flowlik.datasets.frames import Lacking
 from flowlik.errors import DataError
+from flowlik.geometry.camera import Pinhole
+from flowlik.support.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -85,20 +86,20 @@ class Lens:
 
 
 class Undistorted(Lacking):
-    """A `Sequence` whose images, and depth where there is any, are undistorted as they are read.
+    """A `ImageSequence` whose images, and depth where there is any, are undistorted as they are read.
 
     Images are sampled bilinearly, depth at the nearest pixel (it has edges). Flow and visibility are those of
     depth and poses; a data set's own flow belongs to the distorted images and is not passed on.
 
     Parameters
     ----------
-    sequence : Sequence
+    sequence : ImageSequence
         The sequence as its images are.
     lens : Lens
         Its lens.
     """
 
-    def __init__(self, sequence: Sequence, lens: Lens) -> None:
+    def __init__(self, sequence: ImageSequence, lens: Lens) -> None:
         self.sequence, self.lens = sequence, lens
         self.name = sequence.name
         self.times_source = getattr(sequence, "times_source", None)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.errors import DataError
-from flowlik.trajectory import ROTATION_TOLERANCE
+from flowlik.geometry.trajectory import ROTATION_TOLERANCE
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,8 @@ from flowlik.datasets.frames import Lacking
 from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_camera
 from flowlik.datasets.lens import Lens
 from flowlik.errors import DataError, FlowlikError
-from flowlik.extras import extra
-from flowlik.trajectory import check_times
+from flowlik.geometry.trajectory import check_times
+from flowlik.support.extras import extra
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
@@ -45,7 +45,7 @@ TO_GREY: dict[str, tuple[int, int | None]] = {
 
 
 class RosBag(GivenCamera, Lacking):
-    """Images of one topic of a ROS bag, a `Sequence` without truth.
+    """Images of one topic of a ROS bag, a `ImageSequence` without truth.
 
     Times are those of the messages' headers; images are sorted by them. The camera is the one given, else
     that of the ``camera_info`` beside the topic: of a topic named ``…rect…`` its projection matrix, else its

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
-from flowlik.datasets.base import Sequence, frame_index, lacks
+from flowlik.datasets.base import ImageSequence, frame_index, lacks
 from flowlik.errors import DataError, MissingFieldError
+from flowlik.geometry.camera import Pinhole
 
 
 class Skipped(NamedTuple):
@@ -26,7 +26,7 @@ class Selection:
 
     Parameters
     ----------
-    whole : Sequence
+    whole : ImageSequence
         The sequence.
     frames : sequence of int
         Increasing frame numbers of it, at least one.
@@ -37,7 +37,7 @@ class Selection:
         If the sequence has no such frames.
     """
 
-    def __init__(self, whole: Sequence, frames: Seq[int]) -> None:
+    def __init__(self, whole: ImageSequence, frames: Seq[int]) -> None:
         self.whole, self.frames, self.name = whole, np.array(frames, dtype=int), whole.name
         if not len(frames) or self.frames[0] < 0 or self.frames[-1] >= len(whole):
             raise DataError(f"{whole.name}: no such frames, there are {len(whole)}")
@@ -87,13 +87,13 @@ class Selection:
 
 
 def select_frames(
-    sequence: Sequence, start: int = 0, count: int | None = None, skip_bad: bool = False
+    sequence: ImageSequence, start: int = 0, count: int | None = None, skip_bad: bool = False
 ) -> tuple[Selection, list[Skipped]]:
     """Choose a range of frames, and leave out of it what cannot be used where that is asked for.
 
     Parameters
     ----------
-    sequence : Sequence
+    sequence : ImageSequence
         The whole sequence.
     start : int
         First frame.
@@ -132,15 +132,15 @@ def select_frames(
     return Selection(sequence, kept), skipped
 
 
-def whole_pair(sequence: Sequence, k: int) -> tuple[Sequence, int]:
-    """Sequence and frame that flow on disk is numbered by, for the pair of frames k and k + 1."""
+def whole_pair(sequence: ImageSequence, k: int) -> tuple[ImageSequence, int]:
+    """ImageSequence and frame that flow on disk is numbered by, for the pair of frames k and k + 1."""
     if not isinstance(sequence, Selection):
         return sequence, k
     first, second = (int(f) for f in sequence.frames[k : k + 2])
     return (sequence.whole, first) if second == first + 1 else (sequence, k)
 
 
-def _reason(sequence: Sequence, k: int, last: float) -> str:
+def _reason(sequence: ImageSequence, k: int, last: float) -> str:
     """Why a frame cannot be used, or nothing."""
     try:
         sequence.image(k)

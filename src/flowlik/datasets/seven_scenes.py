@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
 from flowlik.datasets.base import frame_index
 from flowlik.datasets.frames import DepthFrames, read_depth
 from flowlik.datasets.intrinsics import CameraLike, given_camera
 from flowlik.datasets.poses import rigid_transform
 from flowlik.errors import DataError
-from flowlik.files import read_table
+from flowlik.geometry.camera import Pinhole
+from flowlik.support.files import read_table
 
 INTRINSICS = (585.0, 320.0, 240.0)
 """Focal length and principal point [px] that the data set's authors give."""
@@ -27,7 +27,7 @@ UNKNOWN = (0, 65535)
 
 
 class SevenScenes(DepthFrames):
-    """One sequence of 7-Scenes (Shotton et al. 2013), a `Sequence`.
+    """One sequence of 7-Scenes (Shotton et al. 2013), a `ImageSequence`.
 
     ``frame-NNNNNN.color.png`` (or ``.jpg``), ``.depth.png`` (millimetres, 0 and 65535 unknown) and
     ``.pose.txt`` (4 x 4, camera to world). **The truth is soft**: colour and depth come from two cameras that

@@ -18,7 +18,7 @@ PASSES = ("clean", "final", "albedo")
 
 
 class Sintel(FrameFiles):
-    """One scene of the MPI-Sintel flow data set (Butler et al. 2012), a `Sequence`.
+    """One scene of the MPI-Sintel flow data set (Butler et al. 2012), a `ImageSequence`.
 
     ``training/{clean,final,albedo}/<scene>/frame_NNNN.png`` with, beside the pass, ``flow/<scene>/*.flo``
     (exact, from the renderer), ``occlusions`` and ``invalid`` (masks, 0 where a pixel is fine). Occluded

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.camera import Pinhole
 from flowlik.datasets.base import (
     Movers,
     decode_image,
@@ -25,8 +24,9 @@ from flowlik.datasets.base import (
     visibility_next,
 )
 from flowlik.errors import DataError
-from flowlik.files import read_table
-from flowlik.trajectory import read_times
+from flowlik.geometry.camera import Pinhole
+from flowlik.geometry.trajectory import read_times
+from flowlik.support.files import read_table
 
 CAMERA = Pinhole(640, 640, 320.0, 320.0, 320.0, 320.0)
 """The camera of all TartanAir images."""

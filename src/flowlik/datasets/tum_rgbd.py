@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
 from flowlik.datasets.base import frame_index, lacks
 from flowlik.datasets.frames import DepthFrames, read_depth
 from flowlik.datasets.intrinsics import CameraLike, given_camera
 from flowlik.datasets.poses import mutual, nearest
 from flowlik.errors import DataError
-from flowlik.files import numbers, read_text
-from flowlik.trajectory import check_times, read_tum
+from flowlik.geometry.camera import Pinhole
+from flowlik.geometry.trajectory import check_times, read_tum
+from flowlik.support.files import numbers, read_text
 
 TOLERANCE_S = 0.02
 """Image, depth and pose further apart in time are not of one frame."""
@@ -30,7 +30,7 @@ FREIBURG_3 = (535.4, 539.2, 320.1, 247.6)
 
 
 class TumRgbd(DepthFrames):
-    """One sequence of the TUM RGB-D benchmark (Sturm et al. 2012), a `Sequence`.
+    """One sequence of the TUM RGB-D benchmark (Sturm et al. 2012), a `ImageSequence`.
 
     ``rgb.txt`` and ``depth.txt`` list times and files, ``groundtruth.txt`` poses (``t x y z qx qy qz qw``). A
     frame is an image with the depth and the pose nearest in time, within 0.02 s; where either list is there,

@@ -23,7 +23,7 @@ RECENT_FRAMES = 8
 
 
 class Video(GivenCamera, Lacking):
-    """A video file that OpenCV can decode, a `Sequence` without truth.
+    """A video file that OpenCV can decode, a `ImageSequence` without truth.
 
     Frames are read in order, since seeking is inexact in many formats: the latest eight are at hand, an
     earlier one begins again from the start. The number of frames is counted by decoding once, when first

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from flowlik.tables import bilinear, magnitude_position
+from flowlik.likelihood.tables import bilinear, magnitude_position
 
 NEWTON_STEPS = 10
 NEWTON_TOLERANCE_PX = 1e-6

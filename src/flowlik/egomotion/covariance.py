@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from numba import njit
 
-from flowlik.camera import Array
-from flowlik.correlation import ScoreCorrelation, flow_directions
-from flowlik.measurements import Measurements
+from flowlik.likelihood.shared_errors import ScoreCorrelation, flow_directions
+from flowlik.measurement.measurements import Measurements
+from flowlik.support.arrays import Array
 
 # two cubic B-splines on a grid of this spacing, in units of the scale, overlap like a Gaussian of it
 SPACING = float(np.sqrt(1.5))

@@ -9,13 +9,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.camera import Array, Pinhole
 from flowlik.egomotion import _kernels
 from flowlik.egomotion.known_depth import KnownDepth
 from flowlik.egomotion.residual import Bound, Chosen, Equations, InliersOf, count_inliers, equations_of
-from flowlik.measurements import Measurements
-from flowlik.motion import decompose_essential, in_front, skew
-from flowlik.schedule import Index
+from flowlik.geometry.camera import Pinhole
+from flowlik.geometry.motion import decompose_essential, in_front, skew
+from flowlik.likelihood.schedule import Index
+from flowlik.measurement.measurements import Measurements
+from flowlik.support.arrays import Array
 
 ANGLES = 17
 STILL_PX = 0.1

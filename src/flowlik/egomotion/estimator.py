@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Array
 from flowlik.egomotion.covariance import sandwich, temperature
 from flowlik.egomotion.maximise import maximise, transform
 from flowlik.egomotion.posterior import GaussianPrior, Tempered
@@ -16,7 +15,8 @@ from flowlik.egomotion.residual import Residual, draw_samples
 from flowlik.egomotion.result import EgoMotion, Status, conditioned, unsolved
 from flowlik.egomotion.score_moments import score_moments, sensitivity
 from flowlik.errors import DataError
-from flowlik.likelihood import FlowLikelihood
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.support.arrays import Array
 
 FIRST_BATCH = 12
 BATCH = 50

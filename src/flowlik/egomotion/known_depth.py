@@ -8,13 +8,14 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.camera import Array, Pinhole
 from flowlik.egomotion import _kernels
 from flowlik.egomotion.residual import Bound, Chosen, Equations, InliersOf, count_inliers
 from flowlik.errors import DataError
-from flowlik.measurements import Measurements
-from flowlik.sampling import sample_inverse_depth
-from flowlik.schedule import Index
+from flowlik.geometry.camera import Pinhole
+from flowlik.image.sampling import sample_inverse_depth
+from flowlik.likelihood.schedule import Index
+from flowlik.measurement.measurements import Measurements
+from flowlik.support.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +36,7 @@ class KnownDepth:
         """Residual of measurements with a depth map (H, W) [m] along z, or depths (N,) at their pixels.
 
         Vectors whose depth is NaN, zero, negative or infinite are left out and counted. Between pixels a
-        map is interpolated on a surface, never across an edge (`flowlik.sampling`).
+        map is interpolated on a surface, never across an edge (`flowlik.image.sampling`).
 
         Raises
         ------

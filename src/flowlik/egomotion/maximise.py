@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Array
 from flowlik.egomotion import _kernels
 from flowlik.egomotion.posterior import LOST_NAT, Tempered
 from flowlik.egomotion.residual import Chosen, Residual
-from flowlik.likelihood import FlowLikelihood
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.support.arrays import Array
 
 STEPS = 30
 # a step that gains less is a tenth of a standard deviation at most

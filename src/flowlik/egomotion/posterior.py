@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Array
 from flowlik.egomotion.residual import Residual
 from flowlik.errors import DataError
-from flowlik.likelihood import FlowLikelihood
-from flowlik.motion import inverse_left_jacobian
+from flowlik.geometry.motion import inverse_left_jacobian
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.support.arrays import Array
 
 # a vector that leaves the image's half-space must not make a motion look better
 LOST_NAT = 50.0

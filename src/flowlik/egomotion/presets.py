@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flowlik.egomotion.estimator import Estimator
-from flowlik.likelihood import FlowLikelihood
+from flowlik.likelihood.likelihood import FlowLikelihood
 
 
 def ransac(radius_px: float = 0.5, gate: float | None = None) -> Estimator:

@@ -8,12 +8,12 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.camera import Array
-from flowlik.likelihood import FlowLikelihood
-from flowlik.measurements import Measurements
-from flowlik.schedule import Index
-from flowlik.tables import LikelihoodTables, normal_equations
-from flowlik.threads import in_bands
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.schedule import Index
+from flowlik.likelihood.tables import LikelihoodTables, normal_equations
+from flowlik.measurement.measurements import Measurements
+from flowlik.support.arrays import Array
+from flowlik.support.threads import in_bands
 
 SCORED_TOGETHER = 25
 

@@ -8,7 +8,7 @@ from enum import StrEnum
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Array
+from flowlik.support.arrays import Array
 
 LEAST_RECIPROCAL_CONDITION = 1e-9
 

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.camera import Array
 from flowlik.egomotion._kernels import retract
 from flowlik.egomotion.covariance import observed_sensitivity, sandwich, score_covariance
 from flowlik.egomotion.residual import Chosen, Residual, composite_weight
 from flowlik.egomotion.result import Status, conditioned
+from flowlik.support.arrays import Array
 
 if TYPE_CHECKING:
     from flowlik.egomotion.estimator import Estimator

@@ -15,7 +15,7 @@ from flowlik.flow.base import (
     describe,
     method_for_pair,
 )
-from flowlik.flow.brought import CallableFeatures, CallableFlow, brought, find
+from flowlik.flow.callable_flow import CallableFeatures, CallableFlow, brought, find
 from flowlik.flow.dis import DIS
 from flowlik.flow.farneback import Farneback
 from flowlik.flow.horn_schunck import HornSchunck
@@ -127,11 +127,13 @@ def _recorded(record: Mapping[str, Any]) -> FlowMethod:
     """Make the method of a record; one to be confirmed is not ready to run."""
     parameters = dict(record)
     name = parameters.pop("name", None)
+    if name == LucasKanade.name and "centred" in parameters:  # files of before 0.1.0
+        parameters["anchor"] = "middle" if parameters.pop("centred") else "energy"
     try:
         method = {**METHODS, **CONFIRMED}[name](**parameters)
     except (KeyError, TypeError):
         raise ModelError(f"unknown flow method {dict(record)}: known are {', '.join(METHODS)}") from None
-    if not set(record) <= set(describe(method)):
+    if not {"name", *parameters} <= set(describe(method)):
         raise ModelError(f"flow method {dict(record)}: not what a model file records of it")
     if name in METHODS:
         check_parameters(method)

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik import _kernels
-from flowlik.camera import Array
 from flowlik.errors import DataError, ModelError
+from flowlik.image import _kernels
+from flowlik.support.arrays import Array
 
 if TYPE_CHECKING:
-    from flowlik.datasets.base import Sequence
+    from flowlik.datasets.base import ImageSequence
 
 Image = NDArray[np.uint8]
 
@@ -52,7 +52,10 @@ def check_parameters(method: FlowMethod) -> None:
         kind = type(default)
         if not (type(value) is kind or (kind is float and type(value) is int)):
             raise ModelError(f"flow method {method.name}: {f.name} must be of {kind.__name__}, not {value!r}")
-        if kind is not bool and not (0 < value < 1000 or (value == 0 and f.metadata.get("zero"))):
+        if kind is str and value not in f.metadata["choices"]:
+            known = ", ".join(f.metadata["choices"])
+            raise ModelError(f"flow method {method.name}: {f.name} must be one of {known}, not {value!r}")
+        if kind in (int, float) and not (0 < value < 1000 or (value == 0 and f.metadata.get("zero"))):
             raise ModelError(
                 f"flow method {method.name}: {f.name} must be a positive number below 1000, not {value}"
             )
@@ -62,7 +65,7 @@ class FlowOfPairs(ABC):
     """Part of a method whose flow comes with a sequence's frame numbers, not from the images alone."""
 
     @abstractmethod
-    def for_pair(self, sequence: Sequence, k: int) -> FlowMethod:
+    def for_pair(self, sequence: ImageSequence, k: int) -> FlowMethod:
         """Return the method that gives the flow from frame k to k + 1; it is recorded as this one is."""
 
     @abstractmethod
@@ -78,7 +81,7 @@ class Windowed(ABC):
         """Where in the image (N, 2) [px] the motion measured at pixels (N, 2) is that of the scene."""
 
 
-def method_for_pair(method: FlowMethod, sequence: Sequence, k: int) -> FlowMethod:
+def method_for_pair(method: FlowMethod, sequence: ImageSequence, k: int) -> FlowMethod:
     """Return the method to use from frame k to k + 1 of a sequence: the method itself, but for flow on disk.
 
     Whoever measures a sequence calls this before each pair.

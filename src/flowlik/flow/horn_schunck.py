@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flowlik.errors import ModelError
 from flowlik.flow import _kernels
 from flowlik.flow.base import DenseFlow, Image, check_pair
-from flowlik.threads import in_bands
+from flowlik.support.threads import in_bands
 
 Grid = NDArray[np.float32]
 

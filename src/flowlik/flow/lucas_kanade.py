@@ -8,11 +8,11 @@ from typing import ClassVar
 import cv2
 import numpy as np
 
-from flowlik import _kernels
-from flowlik.camera import Array
 from flowlik.flow.base import ZERO_ALLOWED, Image, Windowed, check_pair, inside_image
-from flowlik.texture import derivatives
-from flowlik.threads import in_bands
+from flowlik.image import _kernels
+from flowlik.image.texture import derivatives
+from flowlik.support.arrays import Array
+from flowlik.support.threads import in_bands
 
 PATCHES = 500
 
@@ -26,7 +26,7 @@ class LucasKanade(Windowed):
 
     Lucas and Kanade's least squares weighs the motions within a patch by their gradients, and where motion
     varies evenly over the patch what it finds is the motion at the centre of its gradient energy. A vector
-    is placed there and not in the patch's middle, unless ``centred`` asks for the latter.
+    is placed there and not in the patch's middle, unless ``anchor`` asks for the latter.
 
     Parameters
     ----------
@@ -38,8 +38,8 @@ class LucasKanade(Windowed):
         Most iterations a level.
     epsilon_px : float
         Step below which a level has converged [px].
-    centred : bool
-        Whether a vector is placed in the middle of its patch, as in the paper.
+    anchor : {"energy", "middle"}
+        Where in its patch a vector is placed: the centre of gradient energy, or the middle as in the paper.
     """
 
     name: ClassVar[str] = "lucas-kanade"
@@ -47,7 +47,7 @@ class LucasKanade(Windowed):
     max_level: int = field(default=3, metadata=ZERO_ALLOWED)
     iterations: int = 30
     epsilon_px: float = 0.01
-    centred: bool = False
+    anchor: str = field(default="energy", metadata={"choices": ("energy", "middle")})
 
     def measure(self, previous: Image, current: Image) -> tuple[Array, Array]:
         """Detect corners (N, 2) and track them: their flow (N, 2) [px]; NaN where lost."""
@@ -73,7 +73,7 @@ class LucasKanade(Windowed):
 
     def anchors(self, previous: Image, pixels: Array) -> Array:
         """Centres (N, 2) [px] of the gradient energy in the patches around pixels (N, 2)."""
-        if self.centred or len(pixels) == 0:
+        if self.anchor == "middle" or len(pixels) == 0:
             return pixels
         gx, gy = derivatives(previous)
         centres = np.empty((len(pixels), 2))

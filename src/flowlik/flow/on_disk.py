@@ -14,7 +14,7 @@ from flowlik.errors import DataError, ModelError
 from flowlik.flow.base import NOT_RECORDED, DenseFlow, FlowOfPairs, Image, as_dense, check_pair
 
 if TYPE_CHECKING:
-    from flowlik.datasets.base import Sequence
+    from flowlik.datasets.base import ImageSequence
 
 SUFFIXES = (".flo", ".png", ".npy")
 LABEL = re.compile(r"\w[\w.-]*")
@@ -46,7 +46,7 @@ class FlowFiles(DenseFlow, FlowOfPairs):
         if not (isinstance(self.label, str) and LABEL.fullmatch(self.label)):
             raise ModelError(f"a label of flow files has letters, digits and . _ - only, not {self.label!r}")
 
-    def for_pair(self, sequence: Sequence, k: int) -> FlowFiles:
+    def for_pair(self, sequence: ImageSequence, k: int) -> FlowFiles:
         """Return the method that reads the file of frames k and k + 1.
 
         Raises

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from flowlik.report.style import Data
+    from flowlik.results.runs import RunFolder
 
-__all__ = ["build", "save_figure"]
+__all__ = ["build", "finish", "save_figure"]
 
 
 def build(run: Path) -> Path:
@@ -32,6 +33,17 @@ def build(run: Path) -> Path:
     from flowlik.report.page import write_report
 
     return write_report(Path(run))
+
+
+def finish(run: RunFolder) -> Path:
+    """Finish a run, draw its page and return the page's path.
+
+    Raises
+    ------
+    DataError
+        As `build`.
+    """
+    return build(run.finish())
 
 
 def save_figure(kind: str, data: Data, stem: Path) -> tuple[Path, Path]:

@@ -9,7 +9,18 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 from numpy.typing import NDArray
 
-from flowlik.report.style import BLUE, GREY, INK, PALE, TEXTURE_LABEL, VERMILION, WIDTH, Data, grouped, looks
+from flowlik.report.style import (
+    BLUE,
+    GREY,
+    INK,
+    PALE,
+    TEXTURE_LABEL,
+    VERMILION,
+    WIDTH,
+    Data,
+    grouped,
+    looks,
+)
 
 Array = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from flowlik.records import Record
 from flowlik.report.metric_names import METRICS
 from flowlik.report.style import known_look
+from flowlik.results.records import Record
 
 KEYS = ("dataset", "flow", "family", "schedule", "estimator", "seed")
 

@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
 from flowlik.errors import DataError
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation.base import Frame, SentAsParameters
 from flowlik.simulation.driving_kinds import Kinds, make_kinds
 from flowlik.simulation.driving_layout import Layout

@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
 from flowlik.errors import DataError
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation.base import Frame, SentAsParameters
 from flowlik.simulation.forest_kinds import MATERIALS, make_kinds, material
 from flowlik.simulation.forest_plan import planted

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.camera import Pinhole
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation._kernels import render_rectangles
 from flowlik.simulation.base import Frame, SentAsParameters
 from flowlik.simulation.paths import FREE_RADIUS_M, keep_free
 from flowlik.simulation.rectangles import Rectangles, box, distances_m, pixel_bounds, ray_equations
 from flowlik.simulation.textures import CONTRAST_PX, Textures
-from flowlik.threads import in_bands
+from flowlik.support.threads import in_bands
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
+from flowlik.geometry.camera import Pinhole
 
 Array = NDArray[np.float64]
 

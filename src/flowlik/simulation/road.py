@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 from flowlik.simulation._road import average_heights
 from flowlik.simulation.road_profiles import Profile
 from flowlik.simulation.route import STEP_M, Array, Drive, Line
-from flowlik.threads import in_bands
+from flowlik.support.threads import in_bands
 
 REVISIT_M = 6.0
 """A stretch that comes back this near to an earlier one is the same street driven again."""

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
 from flowlik.errors import DataError
+from flowlik.geometry.camera import Pinhole
+from flowlik.geometry.trajectory import FRAME_RATE, read_trajectory
 from flowlik.simulation.base import World
 from flowlik.simulation.sensor import DEFAULT_SENSOR, Sensor
 from flowlik.simulation.sequence import PAPER_CAMERA, SimulatedSequence
 from flowlik.simulation.trajectories import TRAJECTORIES
-from flowlik.trajectory import FRAME_RATE, read_trajectory
 
 # Imports stand inside the builders: each world compiles and loads much that the others do not need.
 

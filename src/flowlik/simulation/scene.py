@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation.base import Frame
 from flowlik.simulation.detail import THIN_PX, drawn_leaves, drawn_wood
 from flowlik.simulation.geometry import Array, Instances, Prototype
@@ -21,7 +21,7 @@ from flowlik.simulation.raster.packed import Drawn, Looks, Shapes, pack_looks, p
 from flowlik.simulation.raster.render import render_frame, triangles_of
 from flowlik.simulation.raster.shadows import TEXELS, Shadows, no_shadows, shadow_map
 from flowlik.simulation.surfaces import make_tiles
-from flowlik.threads import in_bands
+from flowlik.support.threads import in_bands
 
 FAR_M = 10.0
 """Clearances are measured up to this distance."""

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
 from flowlik.errors import DataError
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation._blur import blur_rows
 from flowlik.simulation.base import Frame
-from flowlik.threads import in_bands
+from flowlik.support.threads import in_bands
 
 Light = NDArray[np.float32]
 

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
 from flowlik.datasets.base import (
     Movers,
     frame_index,
@@ -24,10 +23,11 @@ from flowlik.datasets.base import (
     visibility_next,
 )
 from flowlik.errors import DataError
+from flowlik.geometry.camera import Pinhole
+from flowlik.geometry.trajectory import check_times
 from flowlik.simulation.base import Frame, World
 from flowlik.simulation.sensor import DEFAULT_SENSOR, Light, Sensor, motion_blurred
 from flowlik.simulation.shutter import motions_between, pose_near
-from flowlik.trajectory import check_times
 
 PAPER_CAMERA = Pinhole.from_fov(640, 360, 120.0)
 """The camera of the paper's simulation."""

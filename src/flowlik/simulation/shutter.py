@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.datasets.base import mover_motions
-from flowlik.motion import relative_motion
+from flowlik.geometry.motion import relative_motion
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from flowlik.errors import DataError
 from flowlik.simulation.surfaces_built import BUILT_TILES
 from flowlik.simulation.surfaces_natural import NATURAL_TILES
 from flowlik.simulation.textures import TILE_PX, pyramid
-from flowlik.threads import in_bands
+from flowlik.support.threads import in_bands
 
 TILES: dict[str, Callable[[np.random.Generator], NDArray[np.float32]]] = {**NATURAL_TILES, **BUILT_TILES}
 """Makers of tiles (TILE_PX, TILE_PX) within 0 to 1, mean about a half, whose opposite borders match."""

@@ -14,8 +14,8 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.datasets.tartanair import encode_depth, encode_flow, encode_poses
 from flowlik.errors import DataError
-from flowlik.files import atomic_write
 from flowlik.simulation.sequence import SimulatedSequence
+from flowlik.support.files import atomic_write
 
 MOST_MOVERS = 255
 

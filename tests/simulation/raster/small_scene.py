@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flowlik.camera import Pinhole
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation.geometry import Foliage, Instances, LeafShape, Prototype, placed
 from flowlik.simulation.light import Light
 from flowlik.simulation.materials import Layer, Material, Surface

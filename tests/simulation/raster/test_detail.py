@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation.detail import drawn_leaves
 from flowlik.simulation.geometry import Instances, placed
 from flowlik.simulation.light import Light

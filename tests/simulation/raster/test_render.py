@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik import threads
-from flowlik.camera import Pinhole
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation.geometry import Instances, Mesh, Prototype, placed
 from flowlik.simulation.light import Light
 from flowlik.simulation.materials import Material, Surface
 from flowlik.simulation.meshes import quad
 from flowlik.simulation.raster.render import triangles_of
 from flowlik.simulation.scene import Scene
+from flowlik.support import threads
 from tests.simulation.raster.small_scene import CAMERA, make_scene
 
 POSES = [

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.camera import Pinhole
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation.base import Frame
 from flowlik.simulation.geometry import Array
 from flowlik.simulation.light import Light
@@ -15,7 +15,7 @@ from flowlik.simulation.raster._tiles import render_tiles
 from flowlik.simulation.raster._visibility import TILE, count_in_tiles, list_in_tiles, make_buffers
 from flowlik.simulation.raster.packed import OUTLINE, Drawn, Ints, Looks, Shapes
 from flowlik.simulation.raster.shadows import Shadows
-from flowlik.threads import in_bands
+from flowlik.support.threads import in_bands
 
 _CHUNKS = 48
 _TILES_PER_BAND = 4

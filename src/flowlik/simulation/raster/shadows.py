@@ -11,7 +11,7 @@ from flowlik.simulation.geometry import Array, Floats
 from flowlik.simulation.light import Light
 from flowlik.simulation.raster._shadow import cast_shadows
 from flowlik.simulation.raster.packed import Drawn, Shapes
-from flowlik.threads import in_bands
+from flowlik.support.threads import in_bands
 
 TEXELS = 4096
 _ROWS_PER_BAND = 1024

@@ -1,0 +1,1 @@
+"""Rivals on the same input: baselines, drives, and their records."""

@@ -1,0 +1,1 @@
+"""How well a likelihood describes errors."""

@@ -1,0 +1,1 @@
+"""How good motions and trajectories are."""

@@ -1,0 +1,39 @@
+"""Depth and flow maps read between pixels: never across an edge."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flowlik.image import _kernels
+from flowlik.support.arrays import Array
+
+SAME_SURFACE = 0.1
+SAME_FLOW_PX = 0.05
+
+
+def sample_inverse_depth(depth: Array, pixels: Array) -> Array:
+    """Inverse depth (N,) [1/m] at pixels (N, 2) of a depth map (H, W) [m].
+
+    Bilinear, which is exact on a plane, where the four pixels around differ by less than 10 %, else that of
+    the nearest pixel. Where this has no depth (NaN, infinite, zero or negative) the answer is not positive
+    or not finite.
+    """
+    with np.errstate(divide="ignore"):
+        inverse = 1.0 / np.asarray(depth, dtype=np.float64)
+    sampled: Array = _kernels.surface(inverse[:, :, None], _positions(pixels), SAME_SURFACE, 0.0)
+    return sampled[:, 0]
+
+
+def sample_flow(flow: Array, pixels: Array) -> Array:
+    """Flow (N, 2) [px] at pixels (N, 2) of a true flow field (H, W, 2).
+
+    Bilinear where the four pixels around differ by less than 10 % and 0.05 px, else that of the nearest
+    pixel, NaN where this has none.
+    """
+    field = np.asarray(flow, dtype=np.float64)
+    sampled: Array = _kernels.surface(field, _positions(pixels), SAME_SURFACE, SAME_FLOW_PX)
+    return sampled
+
+
+def _positions(pixels: Array) -> Array:
+    return np.ascontiguousarray(pixels, dtype=np.float64)

@@ -1,0 +1,43 @@
+"""Error families by name; a new one is one file and a line here."""
+
+from flowlik.errors import ModelError
+from flowlik.likelihood.families.base import ErrorFamily, Parameter
+from flowlik.likelihood.families.gauss_laplace_cauchy import GaussLaplaceCauchy
+from flowlik.likelihood.families.gaussian import Gaussian
+from flowlik.likelihood.families.laplace import Laplace
+from flowlik.likelihood.families.laplace_cauchy import LaplaceCauchy
+from flowlik.likelihood.families.log_logistic import LogLogistic
+from flowlik.likelihood.families.student_t import StudentT
+
+FAMILIES: dict[str, ErrorFamily] = {
+    f.name: f
+    for f in (
+        LaplaceCauchy(),
+        LogLogistic(),
+        Gaussian(),
+        Laplace(),
+        StudentT(),
+        GaussLaplaceCauchy(),
+    )
+}
+
+
+def error_family(name: str) -> ErrorFamily:
+    """Family of a name; ModelError names the known ones."""
+    if name not in FAMILIES:
+        raise ModelError(f"unknown error family {name!r}: known are {', '.join(FAMILIES)}")
+    return FAMILIES[name]
+
+
+__all__ = [
+    "FAMILIES",
+    "ErrorFamily",
+    "GaussLaplaceCauchy",
+    "Gaussian",
+    "Laplace",
+    "LaplaceCauchy",
+    "LogLogistic",
+    "Parameter",
+    "StudentT",
+    "error_family",
+]

@@ -1,0 +1,33 @@
+"""Where flow is measured for a motion: a sparse method's own corners, or a share of all pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from flowlik.flow.base import DenseFlow, FlowMethod, Image
+from flowlik.image.texture import TextureDefinition
+from flowlik.measurement.measurements import Measurements, measure, stratified_pixels
+
+DENSE_PIXELS = 4000
+
+
+def measure_features(
+    previous: Image,
+    current: Image,
+    method: FlowMethod,
+    texture: TextureDefinition,
+    seed: int = 0,
+    signals: Iterable[str] = (),
+) -> Measurements:
+    """Measure at a method's own corners, or at 4000 stratified pixels of a dense one."""
+    pixels = None
+    if isinstance(method, DenseFlow):
+        pixels = stratified_pixels(previous.shape, DENSE_PIXELS, np.random.default_rng(seed))
+    return measure(previous, current, method, texture, pixels, signals)
+
+
+def features_of(method: FlowMethod) -> str:
+    """Feature choice as a protocol names it."""
+    return f"stratified-{DENSE_PIXELS}" if isinstance(method, DenseFlow) else "corners"

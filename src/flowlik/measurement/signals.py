@@ -1,0 +1,104 @@
+"""Signals: what a second look at the images says about a flow vector, at the price of more computation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flowlik.errors import ModelError
+from flowlik.flow.base import FlowMethod, Image, backward_method, sampler
+from flowlik.image import _kernels
+from flowlik.image.texture import derivatives
+from flowlik.support.arrays import Array
+from flowlik.support.threads import in_bands
+
+RESIDUAL_WINDOW = 5
+SPREAD_RADIUS_PX = 4.0
+ERROR_BLOCKS = 5
+VECTORS = 20_000
+PATCHES = 1_000
+
+
+@dataclass(frozen=True)
+class Pair:
+    """An image pair, the method, its flow as a function of pixels (N, 2), and the vectors in question."""
+
+    previous: Image
+    current: Image
+    method: FlowMethod
+    flow_at: Callable[[Array], Array]
+    pixels: Array
+    flow: Array
+
+
+def _discrepancy(pair: Pair) -> Array:
+    """Forward-backward discrepancy (N, 2) [px]: flow there and back again; NaN where there is no way back."""
+    back = sampler(backward_method(pair.method), pair.current, pair.previous)
+    return pair.flow + back(pair.pixels + pair.flow)
+
+
+def _residual(pair: Pair) -> Array:
+    """Mean absolute grey difference (N,) of the 5x5 patches at a vector's ends, apart from their means."""
+    r = np.empty(len(pair.pixels))
+    in_bands(
+        lambda first, last: _kernels.patch_residual(
+            pair.previous, pair.current, pair.pixels, pair.flow, RESIDUAL_WINDOW, first, last, r
+        ),
+        len(r),
+        VECTORS,
+    )
+    return r
+
+
+def _spread(pair: Pair) -> Array:
+    """Root mean square difference (N,) [px] of the flow to that of eight neighbours 4 px away."""
+    height, width = pair.previous.shape
+    total, count = np.zeros(len(pair.pixels)), np.zeros(len(pair.pixels))
+    for du in (-SPREAD_RADIUS_PX, 0.0, SPREAD_RADIUS_PX):
+        for dv in (-SPREAD_RADIUS_PX, 0.0, SPREAD_RADIUS_PX):
+            if du or dv:
+                near = np.clip(pair.pixels + np.array([du, dv]), 0, [width - 1, height - 1])
+                square = ((pair.flow_at(near) - pair.flow) ** 2).sum(axis=1)
+                total += np.where(np.isfinite(square), square, 0.0)
+                count += np.isfinite(square)
+    return np.sqrt(np.divide(total, count, out=np.full(len(total), np.nan), where=count > 0))
+
+
+def _standard_error(pair: Pair) -> Array:
+    """Sandwich covariance (N, 3) = (xx, xy, yy) [px^2] of least squares over 15x15 px at a vector's start.
+
+    Lucas and Kanade's normal equations are S d = s, with the scores s = sum g r of gradients and residuals.
+    Scores of 3x3 px blocks are taken for independent: S^-1 (sum_b s_b s_b^T + S / 12) S^-1, where 1/12 is the
+    variance of rounding to whole grey levels (White, Econometrica 48, 1980; Liang and Zeger, Biometrika 73,
+    1986). Where a patch holds two motions, its blocks disagree, however strong its texture is.
+    """
+    gx, gy = derivatives(pair.previous)
+    covariance = np.empty((len(pair.pixels), 3))
+    in_bands(
+        lambda first, last: _kernels.standard_errors(
+            pair.previous, pair.current, gx, gy, pair.pixels, pair.flow, ERROR_BLOCKS, first, last, covariance
+        ),
+        len(covariance),
+        PATCHES,
+    )
+    return covariance
+
+
+SIGNALS: dict[str, Callable[[Pair], NDArray[np.float64]]] = {
+    "discrepancy": _discrepancy,
+    "residual": _residual,
+    "spread": _spread,
+    "standard-error": _standard_error,
+}
+"""Signals by name, each of N flow vectors: (N,), or in {i} (N, 2), or a symmetric matrix as (N, 3); NaN where
+it cannot be measured."""
+
+
+def signal(name: str) -> Callable[[Pair], Array]:
+    """Signal of a name; ModelError names the known ones."""
+    if name not in SIGNALS:
+        raise ModelError(f"unknown signal {name!r}: known are {', '.join(SIGNALS)}")
+    return SIGNALS[name]

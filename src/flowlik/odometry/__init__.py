@@ -1,0 +1,1 @@
+"""Ego-motion over a sequence: loop, scale, boresight, motion model, self-calibration, outputs."""

@@ -1,0 +1,265 @@
+"""Odometry: ego-motion a frame at a time, as a robot calls it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from flowlik.egomotion import EgoMotion, Epipolar, Estimator, KnownDepth, Residual, Status
+from flowlik.egomotion.result import unsolved
+from flowlik.errors import DataError
+from flowlik.flow.base import FlowMethod, Image, check_pair
+from flowlik.geometry.camera import Pinhole
+from flowlik.measurement.features import measure_features
+from flowlik.measurement.measurements import Measurements
+from flowlik.odometry.boresight import Boresight
+from flowlik.odometry.constant_velocity import ConstantVelocity
+from flowlik.odometry.scale import Norm, ScaleSource, Unscaled
+from flowlik.odometry.self_calibration import Intrinsics, SelfCalibration
+from flowlik.support.arrays import Array
+
+
+class Step(NamedTuple):
+    """What an odometry saw and said of one frame."""
+
+    measurements: Measurements
+    camera: Pinhole
+    motion: EgoMotion
+    residual: Residual
+
+
+class FramePair(NamedTuple):
+    """Images k - 1 and k, the depth of the former, and the flow method between them."""
+
+    k: int
+    previous: Image
+    current: Image
+    depth: Array | None
+    method: FlowMethod
+
+
+class Odometry:
+    """Ego-motion from one image to the next, chained to a pose.
+
+    Parameters
+    ----------
+    camera : Pinhole
+        Camera of all images.
+    method : FlowMethod
+        Flow.
+    estimator : Estimator
+        RANSAC, LCMSAC or maximum likelihood.
+    seed : int
+        Seed of pixels and samples; frame k uses (seed, k).
+    scale : ScaleSource, optional
+        Where the length of a motion comes from without depth; by default every motion has unit length.
+    self_calibration : SelfCalibration, optional
+        Refine the camera's intrinsics from its images; by default they stay as given.
+    boresight : bool
+        Turn motions into the frame of the reference that `step` is told of, by what past frames say.
+
+    Attributes
+    ----------
+    poses : list of RigidTransform
+        ``T_n_c`` of every frame so far; the first camera frame is {n}.
+    intrinsics : list of Intrinsics
+        What is known of the camera after every frame, where it is refined.
+    last : Step or None
+        Measurements of the last frame, as a pinhole camera would have made them, and what came of them.
+    """
+
+    def __init__(
+        self,
+        camera: Pinhole,
+        method: FlowMethod,
+        estimator: Estimator,
+        seed: int = 0,
+        scale: ScaleSource | None = None,
+        self_calibration: SelfCalibration | None = None,
+        boresight: bool = False,
+    ) -> None:
+        self.camera, self.method, self.estimator, self.seed = camera, method, estimator, seed
+        self.scale = scale or Unscaled()
+        self.intrinsics: list[Intrinsics] = []
+        if self_calibration is not None:
+            self.intrinsics.append(Intrinsics.prior(camera, self_calibration))
+        self.boresight = Boresight.none() if boresight else None
+        self.last: Step | None = None
+        self.poses: list[RigidTransform] = []
+        self.timestamps: list[float] = []
+        self._image: Image | None = None
+        self._depth: Array | None = None
+        self._model = ConstantVelocity()
+        self._length_m: float | None = None
+
+    def step(
+        self,
+        image: Image,
+        timestamp: float,
+        depth: Array | None = None,
+        distance_m: float | None = None,
+        reference_m: Array | None = None,
+    ) -> EgoMotion:
+        """Take the next image and return the motion since the one before.
+
+        Where a motion cannot be solved its status says why; what is returned is then a prediction, said so:
+        the previous motion, without information, with the covariance of a motion model
+        (`flowlik.odometry.constant_velocity`). The trajectory goes on from there.
+
+        Parameters
+        ----------
+        image : uint8 array (H, W)
+            Grey image.
+        timestamp : float
+            Its time [s], later than the one before.
+        depth : array (H, W), optional
+            Depth [m] along z of this image, used at the next step. With it the residual is of known
+            depth; without it, epipolar.
+        distance_m : float, optional
+            Length of the motion since the previous image [m], which gives the epipolar residual its
+            scale; without it the scale source is asked.
+        reference_m : array (3,), optional
+            The reference's move since the previous image [m], in its own frame at that time: used by the
+            boresight of the frames after this one.
+
+        Returns
+        -------
+        EgoMotion
+            Motion ``T_k_prev``; at the first image the identity, with status TOO_FEW.
+
+        Raises
+        ------
+        DataError
+            If the image does not fit the camera, or time does not advance.
+        """
+        pair = self.take(image, timestamp, depth)
+        if pair is None:
+            return unsolved(Status.TOO_FEW, "the first image has none before it")
+        return self.advance(self.measure(pair), pair.depth, distance_m, reference_m)
+
+    def take(self, image: Image, timestamp: float, depth: Array | None = None) -> FramePair | None:
+        """Take the next image, as `step` does, and return the pair it makes with the one before.
+
+        `step` is this, then `measure`, which may run beside an `advance`, and `advance`.
+        """
+        check_pair(image, image)
+        size = f"{self.camera.width}x{self.camera.height}"
+        for name, array in (("image", image), ("depth map", image if depth is None else depth)):
+            if array.shape != (self.camera.height, self.camera.width):
+                raise DataError(f"{name} of {array.shape[1]}x{array.shape[0]} for a camera of {size}")
+        last = self.timestamps[-1] if self.timestamps else -np.inf
+        if not last < timestamp < np.inf:
+            raise DataError(f"time does not advance: {timestamp} s after {last} s")
+        previous, known_depth = self._image, self._depth
+        self._image, self._depth = image, depth
+        self.timestamps.append(timestamp)
+        if previous is None:
+            self.poses.append(RigidTransform.identity())
+            return None
+        return FramePair(len(self.timestamps) - 1, previous, image, known_depth, self.method)
+
+    def measure(self, pair: FramePair) -> Measurements:
+        """Measurements of a pair, as the estimator's likelihood needs them."""
+        likelihood = self.estimator.likelihood
+        return measure_features(
+            pair.previous,
+            pair.current,
+            pair.method,
+            likelihood.texture,
+            self.seed + pair.k,
+            likelihood.signals,
+        )
+
+    def advance(
+        self,
+        m: Measurements,
+        depth: Array | None = None,
+        distance_m: float | None = None,
+        reference_m: Array | None = None,
+    ) -> EgoMotion:
+        """Take the measurements between the last image and the next, made by `measure` or elsewhere.
+
+        ``depth`` is that of the last image. No timestamp is kept.
+        """
+        if not self.poses:
+            self.poses.append(RigidTransform.identity())
+        k = len(self.poses)
+        motion = self._measured(m, k, depth)
+        if not motion.solved:
+            T, covariance = self._model.predict()
+            motion = replace(
+                motion,
+                T_k_prev=T,
+                information=np.zeros((6, 6)),
+                covariance=covariance,
+                sensitivity=None,
+                predicted=True,
+            )
+        motion = self._with_length(motion, k, distance_m)
+        if motion.predicted:
+            self._model = self._model.skip()
+        else:
+            self._model = self._model.update(motion.T_k_prev, motion.covariance)
+        if self.boresight is not None:
+            turned = self.boresight.applied(motion.T_k_prev)
+            if reference_m is not None and motion.status is Status.SOLVED:
+                self.boresight = self.boresight.updated(motion.T_k_prev, reference_m)
+            motion = replace(motion, T_k_prev=turned)
+        self.poses.append(self.poses[-1] * motion.T_k_prev.inv())
+        return motion
+
+    def _measured(self, m: Measurements, k: int, depth: Array | None) -> EgoMotion:
+        """Motion of a frame, and what it says about the intrinsics."""
+        intrinsics = self.intrinsics[-1] if self.intrinsics else None
+        raw, camera = m, self.camera
+        if intrinsics is not None:
+            m, camera = intrinsics.rectified(m), intrinsics.camera
+        residual: Residual = Epipolar.of(m, camera) if depth is None else KnownDepth.of(m, camera, depth)
+        # the previous motion saves five-point samples, unless it has no direction
+        previous = self._model.last
+        moving = not residual.metric and previous is not None and np.any(previous.translation)
+        start = previous if moving else None
+        motion = self.estimator.estimate(residual, seed=np.random.default_rng([self.seed, k]), start=start)
+        if intrinsics is not None:
+            if motion.status is Status.SOLVED and not residual.metric:
+                evidence = intrinsics.evidence(raw, motion.T_k_prev.as_matrix()[:3], self.estimator)
+                unknown = intrinsics.motion_covariance(evidence)
+                motion = replace(motion, covariance=motion.covariance + unknown)
+                intrinsics = intrinsics.updated(evidence)
+            self.intrinsics.append(intrinsics)
+        self.last = Step(m, camera, motion, residual)
+        return motion
+
+    def _with_length(self, motion: EgoMotion, k: int, distance_m: float | None) -> EgoMotion:
+        """Give the motion the length that the scale source tells, or the last one where it tells none."""
+        if (motion.scale_known and motion.solved) or motion.status is Status.STILL:
+            return motion
+        if distance_m is None and (motion.solved or isinstance(self.scale, Norm)):
+            assert self.last is not None
+            distance_m = self.scale.length_m(k, self.last.measurements, self.last.camera, motion.T_k_prev)
+            if distance_m is None and self.scale.name != "none":
+                distance_m = self._length_m
+        if distance_m is None:
+            return motion
+        self._length_m = distance_m
+        factor = np.repeat([1.0, distance_m], 3)
+        return replace(
+            motion,
+            T_k_prev=scaled(motion.T_k_prev, distance_m),
+            information=motion.information / np.outer(factor, factor)
+            if distance_m > 0
+            else motion.information,
+            covariance=motion.covariance * np.outer(factor, factor) if motion.solved else motion.covariance,
+            sensitivity=None,
+            scale_known=True,
+        )
+
+
+def scaled(T_k_prev: RigidTransform, distance_m: float) -> RigidTransform:
+    """Return the motion with a translation of the given length [m]; a zero translation stays zero."""
+    length = float(np.linalg.norm(T_k_prev.translation))
+    factor = distance_m / length if length > 0 else 0.0
+    return RigidTransform.from_components(T_k_prev.translation * factor, T_k_prev.rotation)

@@ -1,0 +1,147 @@
+"""Covariance of a trajectory's poses from that of its motions, and its files."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from flowlik.egomotion import EgoMotion
+from flowlik.errors import DataError
+from flowlik.geometry.motion import adjoint
+from flowlik.geometry.trajectory import Trajectory
+from flowlik.support.arrays import Array
+from flowlik.support.files import atomic_write, read_text
+
+AXES = ("rx", "ry", "rz", "tx", "ty", "tz")
+PAIRS = tuple((i, j) for i in range(6) for j in range(i, 6))
+COLUMNS = [f"{kind}_{AXES[i]}_{AXES[j]}" for kind in ("pose", "motion") for i, j in PAIRS]
+HEADER = ["frame", "timestamp_s", *COLUMNS]
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectoryCovariance:
+    """Covariances along a trajectory.
+
+    Attributes
+    ----------
+    timestamps : array (N,)
+        Times [s].
+    poses : array (N, 6, 6)
+        Of the right perturbation of each pose, ``T_n_k exp(eta)``: tangent (rotation vector [rad],
+        translation [m]) in the camera of frame k. Zero at the first frame, which is the world.
+    motions : array (N, 6, 6)
+        Of the left perturbation of each motion, ``exp(xi) T_k_prev``, in the same camera; zero at the first.
+    """
+
+    timestamps: Array
+    poses: Array
+    motions: Array
+
+
+def trajectory_covariance(timestamps: Array, motions: Sequence[EgoMotion]) -> TrajectoryCovariance:
+    """Covariance of poses that are chained from motions whose errors are taken as independent.
+
+    A pose is ``T_n_k = T_n_prev inv(T_k_prev)``. With errors eta of a pose (on the right) and xi of a motion
+    (on the left), ``eta_k = Ad(T_k_prev) eta_prev - xi_k`` to first order, so that the covariance of a pose
+    is ``Ad C_prev Ad^T + C_motion``. Neighbouring motions share an image, and what that correlates is left
+    out.
+
+    Parameters
+    ----------
+    timestamps : array (N,)
+        Times [s] of the frames.
+    motions : sequence of N - 1 EgoMotion
+        Of every frame after the first.
+    """
+    if len(timestamps) != len(motions) + 1:
+        raise DataError(f"{len(timestamps)} times for {len(motions)} motions, expected one more")
+    poses, steps = [np.zeros((6, 6))], [np.zeros((6, 6))]
+    for motion in motions:
+        poses.append(chained(poses[-1], motion))
+        steps.append(motion.covariance)
+    return TrajectoryCovariance(np.asarray(timestamps, np.float64), np.array(poses), np.array(steps))
+
+
+def chained(covariance: Array, motion: EgoMotion) -> Array:
+    """Covariance (6, 6) of the pose after a motion, from that of the pose before it."""
+    Ad = adjoint(motion.T_k_prev)
+    total = Ad @ covariance @ Ad.T + motion.covariance
+    return np.asarray((total + total.T) / 2)
+
+
+def write_covariance_csv(path: Path | str, covariance: TrajectoryCovariance) -> None:
+    """Write covariances as CSV: one row a frame, the upper triangles of both matrices, row by row.
+
+    ``pose_rx_tz`` is the covariance of rotation about x [rad] and translation along z [m] of the pose, and so
+    on; ``nan`` where a direction is not determined.
+    """
+    rows, columns = np.array(PAIRS).T
+    with atomic_write(path) as file:
+        writer = csv.writer(file)
+        writer.writerow(HEADER)
+        for k, time_s in enumerate(covariance.timestamps):
+            upper = [*covariance.poses[k][rows, columns], *covariance.motions[k][rows, columns]]
+            writer.writerow([k, f"{time_s:.17g}", *(f"{value:.17g}" for value in upper)])
+
+
+def read_covariance_csv(path: Path | str) -> TrajectoryCovariance:
+    """Read what `write_covariance_csv` wrote.
+
+    Raises
+    ------
+    DataError
+        If the file is missing or of another layout.
+    """
+    lines = read_text(path).splitlines()
+    try:
+        rows = list(csv.reader(lines))
+    except csv.Error as error:
+        raise DataError(f"{path}: not readable CSV ({error})") from error
+    if not rows or rows[0] != HEADER:
+        raise DataError(f"{path}: not a table of covariances, whose header begins {','.join(HEADER[:3])}")
+    try:
+        table = np.array([[float(word) for word in row] for row in rows[1:]]).reshape(-1, len(HEADER))
+    except ValueError as error:
+        raise DataError(f"{path}: a row does not hold {len(HEADER)} numbers") from error
+    matrices = []
+    for upper in (table[:, 2 : 2 + len(PAIRS)], table[:, 2 + len(PAIRS) :]):
+        full = np.zeros((len(table), 6, 6))
+        for n, (i, j) in enumerate(PAIRS):
+            full[:, i, j] = full[:, j, i] = upper[:, n]
+        matrices.append(full)
+    return TrajectoryCovariance(table[:, 1], *matrices)
+
+
+def write_trajectory_npz(path: Path | str, trajectory: Trajectory, covariance: TrajectoryCovariance) -> None:
+    """Write ``timestamps_s`` (N,), ``T_n_c`` (N, 4, 4), ``pose_covariance`` and ``motion_covariance``."""
+    with atomic_write(path, "wb") as file:
+        np.savez_compressed(
+            file,
+            timestamps_s=trajectory.timestamps,
+            T_n_c=trajectory.poses.as_matrix(),
+            pose_covariance=covariance.poses,
+            motion_covariance=covariance.motions,
+        )
+
+
+def write_covariance(folder: Path, trajectory: Trajectory, motions: Sequence[EgoMotion]) -> None:
+    """Write ``covariance.csv`` and ``trajectory.npz`` of a trajectory chained from motions."""
+    covariance = trajectory_covariance(trajectory.timestamps, motions)
+    write_covariance_csv(folder / "covariance.csv", covariance)
+    write_trajectory_npz(folder / "trajectory.npz", trajectory, covariance)
+
+
+def world_covariance(T_n_c: RigidTransform, covariance: Array) -> Array:
+    """Covariance (6, 6) about the world's axes, of small turns [rad] and of the position [m] in {n}.
+
+    From that of the pose's right perturbation: ``R exp(w) = exp(R w) R`` and ``p + R v``.
+    """
+    R = T_n_c.rotation.as_matrix()
+    turn = np.zeros((6, 6))
+    turn[:3, :3] = turn[3:, 3:] = R
+    return np.asarray(turn @ covariance @ turn.T)

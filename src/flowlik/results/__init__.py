@@ -1,0 +1,1 @@
+"""Records and run folders: what every command leaves."""

@@ -1,0 +1,54 @@
+import json
+
+import pytest
+
+from flowlik.commands.models import models, summary
+from flowlik.errors import ModelError
+from flowlik.flow import PRESETS, describe
+from flowlik.likelihood.model_file import load_likelihood
+from flowlik.likelihood.shipped import shipped
+from tests.cli.call import call, succeed
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_every_shipped_model_is_whole(name):
+    model = load_likelihood(name)
+    method = name.removesuffix("-lcm")
+    assert model.method == describe(PRESETS[method])
+    expected = ("lcm", "texture") if name.endswith("-lcm") else ("glc", "index")
+    assert (model.family.name, model.schedule.name) == expected
+    assert model.provenance["components"] > 1_000_000
+    assert model.provenance["data"] and model.provenance["versions"]["flowlik"]
+    assert abs(model.goodness["coverage_90"] - 0.9) < 0.03
+
+
+def test_the_flows_of_the_paper_and_dis_have_both_models():
+    for method in ("farneback", "lucas-kanade", "dis"):
+        assert {method, f"{method}-lcm"} <= set(shipped())
+
+
+def test_a_file_goes_before_a_name_and_an_unknown_name_lists_the_known(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "lucas-kanade").write_text("mine")
+    with pytest.raises(ModelError, match="not a flowlik model file"):
+        load_likelihood("lucas-kanade")
+    with pytest.raises(ModelError, match=r"raft: neither a model file nor a shipped model.*farneback"):
+        load_likelihood("raft")
+    with pytest.raises(ModelError, match=r"none\.json: cannot read"):
+        load_likelihood("none.json")
+
+
+def test_models_are_listed_and_shown():
+    assert [m.name for m in models()] == sorted(shipped())
+    one = summary("lucas-kanade")
+    assert one.covariates == (
+        "texture [intensity²/px²]", "flow [px]", "discrepancy [px]", "residual [intensity]",
+        "standard-error [px]",
+    )  # fmt: skip
+    assert one.signals == ("discrepancy", "residual", "standard-error")
+    listed = json.loads(succeed("models", "--json").out)
+    assert [m["name"] for m in listed] == sorted(shipped())
+    assert "lucas-kanade" in succeed("models").out
+    assert "provenance" in succeed("models", "lucas-kanade").out
+    refused = call("models", "raft")
+    assert refused.code == 2 and len(refused.err) == 1

@@ -1,0 +1,254 @@
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+from flowlik.egomotion import EgoMotion, Status, lcmsac, ransac
+from flowlik.errors import DataError, ModelError
+from flowlik.flow import Farneback, LucasKanade
+from flowlik.flow.base import DenseFlow
+from flowlik.geometry.camera import Pinhole
+from flowlik.geometry.motion import exp_se3, h, inverse_range
+from flowlik.image.texture import TextureDefinition
+from flowlik.measurement.features import features_of, measure_features
+from flowlik.odometry.loop import run_odometry
+from flowlik.odometry.odometry import Odometry, scaled
+from flowlik.odometry.scale import scale_source, true_distance
+from tests.helpers import lcm_likelihood, textured_image
+
+CAMERA = Pinhole.from_fov(96, 72, 90.0)
+DEPTH = np.random.default_rng(0).uniform(3, 15, (72, 96))
+IMAGE = textured_image((72, 96))
+TWISTS = (
+    (0.01, 0.02, -0.01, 0.1, -0.05, 0.3),
+    (-0.02, 0.01, 0.015, 0.05, 0.1, 0.25),
+    (0.0, -0.02, 0.01, -0.1, 0.0, 0.4),
+)
+MOTIONS = [exp_se3(np.array(xi)) for xi in TWISTS]
+
+
+def frame(k: int) -> np.ndarray:
+    """Image of frame k, which its first pixel tells."""
+    image = IMAGE.copy()
+    image[0, 0] = k
+    return image
+
+
+@dataclass(frozen=True)
+class ExactFlow(DenseFlow):
+    """Flow of known motions from frame to frame; none from the frame `lost`."""
+
+    name: ClassVar[str] = "exact"
+    twists: tuple[tuple[float, ...], ...] = TWISTS
+    lost: int = -1
+
+    def dense(self, previous, current):
+        k = int(previous[0, 0])
+        pixels = CAMERA.pixel_grid()
+        flow = h(
+            exp_se3(np.array(self.twists[k])), CAMERA, pixels, inverse_range(CAMERA, pixels, DEPTH.ravel())
+        )
+        return np.full((72, 96, 2), np.nan) if k == self.lost else flow.reshape(72, 96, 2)
+
+
+class Frames:
+    """ImageSequence of the exact flow, with poses."""
+
+    name = "frames"
+    camera = CAMERA
+
+    def __len__(self):
+        return len(TWISTS) + 1
+
+    def image(self, k):
+        return frame(k)
+
+    def timestamp(self, k):
+        return 0.1 * k
+
+    def T_n_c(self, k):
+        return poses(MOTIONS)[k]
+
+    def depth(self, k):
+        if k == len(TWISTS):
+            raise DataError("frames: no depth of the last frame")
+        return DEPTH
+
+
+def poses(motions):
+    """Poses that motions T_k_prev chain to, from the identity."""
+    chain = [RigidTransform.identity()]
+    for T in motions:
+        chain.append(chain[-1] * T.inv())
+    return chain
+
+
+def assert_same(found, expected, atol=1e-6):
+    assert len(found) == len(expected)
+    for a, b in zip(found, expected):
+        np.testing.assert_allclose(a.as_matrix(), b.as_matrix(), atol=atol)
+
+
+# the epipolar residual is refined from the previous motion to where steps gain nothing, not to the exact one
+@pytest.fixture(params=[ransac(), lcmsac(lcm_likelihood())], ids=lambda e: e.name)
+def estimator(request):
+    return request.param
+
+
+def test_known_depth_chains_to_the_true_poses(estimator):
+    odometry = Odometry(CAMERA, ExactFlow(), estimator)
+    first, *motions = [odometry.step(frame(k), 0.1 * k, DEPTH) for k in range(4)]
+    assert (first.status, first.solved) == (Status.TOO_FEW, False)
+    np.testing.assert_array_equal(first.T_k_prev.as_matrix(), np.eye(4))
+    assert all(m.solved and m.scale_known for m in motions)
+    assert_same([m.T_k_prev for m in motions], MOTIONS)
+    assert_same(odometry.poses, poses(MOTIONS))
+    assert odometry.timestamps == pytest.approx([0, 0.1, 0.2, 0.3])
+
+
+def test_the_epipolar_residual_takes_its_scale_from_the_distance(estimator):
+    odometry = Odometry(CAMERA, ExactFlow(), estimator)
+    for k in range(4):
+        distance = np.linalg.norm(MOTIONS[k - 1].translation) if k else None
+        motion = odometry.step(frame(k), 0.1 * k, distance_m=distance)
+    assert motion.scale_known
+    assert_same(odometry.poses, poses(MOTIONS), atol=2e-3)
+
+
+def test_without_a_distance_steps_have_unit_length(estimator):
+    odometry = Odometry(CAMERA, ExactFlow(), estimator)
+    motion = [odometry.step(frame(k), k) for k in range(2)][1]
+    assert not motion.scale_known
+    assert_same([motion.T_k_prev], [scaled(MOTIONS[0], 1.0)], atol=1e-3)
+
+
+def test_an_unsolved_frame_repeats_the_previous_motion_and_says_so(estimator):
+    odometry = Odometry(CAMERA, ExactFlow(lost=1), estimator)
+    _, _, lost, after = [odometry.step(frame(k), k, DEPTH) for k in range(4)]
+    assert (lost.status, lost.solved) == (Status.TOO_FEW, False)
+    assert lost.excluded["no flow"] > 1000
+    np.testing.assert_array_equal(lost.information, 0)
+    assert (lost.predicted, after.predicted) == (True, False)
+    # one motion seen: the next may be anything of its size
+    sigma = np.sqrt(np.diag(lost.covariance))
+    assert (sigma >= 0.99 * np.repeat([MOTIONS[0].rotation.magnitude(), 0.3], 3)).all()
+    assert np.trace(after.covariance) < 0.1 * np.trace(lost.covariance)
+    assert after.solved
+    assert_same(odometry.poses, poses([MOTIONS[0], MOTIONS[0], MOTIONS[2]]))
+
+
+def test_an_ambiguous_motion_is_repeated_without_information():
+    class Doubtful:
+        """Estimator that finds the first motion, then says it does not know."""
+
+        likelihood = ransac().likelihood
+        found = iter([Status.SOLVED, Status.AMBIGUOUS])
+
+        def estimate(self, residual, seed, start=None):
+            status = next(self.found)
+            motion = MOTIONS[0 if status is Status.SOLVED else 2]
+            return EgoMotion(motion, np.eye(6), np.eye(6), status, "doubt")
+
+    odometry = Odometry(CAMERA, ExactFlow(), Doubtful())
+    _, solved, doubtful = [odometry.step(frame(k), k, DEPTH) for k in range(3)]
+    np.testing.assert_array_equal(solved.information, np.eye(6))
+    assert (doubtful.status, doubtful.reason) == (Status.AMBIGUOUS, "doubt")
+    np.testing.assert_array_equal(doubtful.information, 0)
+    assert_same(odometry.poses, poses([MOTIONS[0], MOTIONS[0]]))
+
+
+def test_the_same_seed_gives_the_same_poses(estimator):
+    runs = []
+    for _ in range(2):
+        odometry = Odometry(CAMERA, ExactFlow(), estimator, seed=3)
+        runs.append([odometry.step(frame(k), k, DEPTH).T_k_prev.as_matrix() for k in range(4)])
+    np.testing.assert_array_equal(runs[0], runs[1])
+
+
+@pytest.mark.parametrize("timestamp", [0.0, -1.0, float("nan")])
+def test_time_must_advance(estimator, timestamp):
+    odometry = Odometry(CAMERA, ExactFlow(), estimator)
+    odometry.step(frame(0), 0.0, DEPTH)
+    with pytest.raises(DataError, match="time does not advance"):
+        odometry.step(frame(1), timestamp, DEPTH)
+    odometry.step(frame(1), 0.1, DEPTH)  # the refused image left no trace
+    assert_same(odometry.poses, poses(MOTIONS[:1]))
+
+
+@pytest.mark.parametrize(
+    ("image", "depth", "message"),
+    [
+        (IMAGE[:-1], None, "image of 96x71 for a camera of 96x72"),
+        (IMAGE, DEPTH[:, :-1], "depth map of 95x72 for a camera of 96x72"),
+        (IMAGE.astype(np.float32), None, "grey uint8"),
+    ],
+)
+def test_what_does_not_fit_the_camera_is_refused_at_once(estimator, image, depth, message):
+    odometry = Odometry(CAMERA, ExactFlow(), estimator)
+    for _ in range(2):
+        with pytest.raises(DataError, match=message):
+            odometry.step(image, 0.0, depth)
+    assert (odometry.poses, odometry.timestamps) == ([], [])
+    odometry.step(frame(0), 0.0, DEPTH)
+    with pytest.raises(DataError, match=message):
+        odometry.step(image, 1.0, depth)
+    odometry.step(frame(1), 1.0, DEPTH)
+    assert_same(odometry.poses, poses(MOTIONS[:1]))
+
+
+def test_a_model_of_another_flow_is_refused():
+    odometry = Odometry(CAMERA, ExactFlow(), lcmsac(lcm_likelihood(method={"name": "farneback"})))
+    odometry.step(frame(0), 0.0, DEPTH)
+    with pytest.raises(ModelError, match="farneback"):
+        odometry.step(frame(1), 0.1, DEPTH)
+
+
+def test_scaled_changes_the_length_alone():
+    T = scaled(MOTIONS[0], 2.5)
+    assert np.linalg.norm(T.translation) == pytest.approx(2.5)
+    np.testing.assert_allclose(np.cross(T.translation, MOTIONS[0].translation), 0, atol=1e-12)
+    np.testing.assert_array_equal(T.rotation.as_matrix(), MOTIONS[0].rotation.as_matrix())
+    np.testing.assert_array_equal(scaled(RigidTransform.identity(), 2.5).as_matrix(), np.eye(4))
+
+
+@pytest.mark.parametrize(("residual", "scale"), [("depth", "none"), ("epipolar", "truth-norm")])
+def test_the_loop_over_a_sequence_gives_its_poses(estimator, residual, scale):
+    odometry = Odometry(CAMERA, ExactFlow(), estimator, scale=scale_source(scale, Frames()))
+    motions = list(run_odometry(Frames(), odometry, residual))
+    assert len(motions) == 3
+    assert_same(odometry.poses, poses(MOTIONS), atol=2e-3)
+
+
+def test_the_loop_finds_what_steps_find(estimator):
+    """Though it measures the next pair while it estimates."""
+    frames, robot, loop = Frames(), *(Odometry(CAMERA, ExactFlow(), estimator, seed=3) for _ in range(2))
+    for k in range(len(frames)):
+        robot.step(frames.image(k), frames.timestamp(k), DEPTH)
+    list(run_odometry(frames, loop, "depth"))
+    assert loop.timestamps == robot.timestamps
+    assert_same(loop.poses, robot.poses, atol=0)
+
+
+def test_the_loop_ends_after_the_frames_asked_for(estimator):
+    odometry = Odometry(CAMERA, ExactFlow(), estimator)
+    assert len(list(run_odometry(Frames(), odometry, "depth", frames=2))) == 1
+    assert len(odometry.poses) == 2
+
+
+def test_the_true_distance_is_between_poses():
+    assert true_distance(Frames(), 2) == pytest.approx(np.linalg.norm(MOTIONS[1].translation))
+
+
+def test_features_are_corners_or_stratified_pixels():
+    texture = TextureDefinition()
+    previous = textured_image((240, 320))
+    dense = measure_features(previous, previous, Farneback(), texture, seed=1)
+    assert len(dense) == pytest.approx(4000, rel=0.05)
+    np.testing.assert_array_equal(dense.pixels, np.rint(dense.pixels))
+    method = LucasKanade()
+    sparse = measure_features(previous, previous, method, texture)
+    corners = method.measure(previous, previous)[0]
+    np.testing.assert_array_equal(sparse.pixels, method.anchors(previous, corners))
+    assert (features_of(Farneback()), features_of(LucasKanade())) == ("stratified-4000", "corners")
