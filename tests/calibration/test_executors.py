@@ -11,7 +11,7 @@ import pytest
 
 from flowlik.calibration import Task, merge_all, sketch_blocks, split_blocks
 from flowlik.calibration.executors import AHEAD, bounded, executor
-from flowlik.errors import CalibrationError, DataError
+from flowlik.errors import CalibrationError, DataError, MissingExtraError
 from flowlik.flow import Farneback, LucasKanade
 from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import simulate
@@ -144,7 +144,7 @@ def test_no_scheduler_is_one_clear_error(monkeypatch):
 
 def test_without_the_extra_its_name_is_told(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(CalibrationError, match=r"flowlik\[cluster\]"):
+    with pytest.raises(MissingExtraError, match=r"flowlik\[cluster\]"):
         executor("dask").__enter__()
 
 

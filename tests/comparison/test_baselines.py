@@ -1,12 +1,12 @@
-import builtins
 import dataclasses
+import sys
 
 import numpy as np
 import pytest
 
 from flowlik.comparison.baselines import PNP, Pnp, opencv_essential, opencv_pnp, poselib_relative, sweep
 from flowlik.egomotion import Epipolar, KnownDepth, ransac
-from flowlik.errors import DataError, FlowlikError
+from flowlik.errors import DataError, MissingExtraError
 from tests.helpers import CAMERA, lcm_likelihood, make_scene, random_motion, tangent_error
 
 MODEL = lcm_likelihood()
@@ -40,15 +40,8 @@ def test_no_motion_from_too_little_or_from_noise():
 
 
 def test_poselib_missing(monkeypatch):
-    original = builtins.__import__
-
-    def without(name, *args, **keywords):
-        if name == "poselib":
-            raise ImportError
-        return original(name, *args, **keywords)
-
-    monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(FlowlikError, match=r"pip install 'flowlik\[baselines\]'"):
+    monkeypatch.setitem(sys.modules, "poselib", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'flowlik\[baselines\]'"):
         poselib_relative(scene_of(5, n=10).epipolar)
 
 

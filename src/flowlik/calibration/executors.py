@@ -23,6 +23,7 @@ import cv2
 
 from flowlik.errors import CalibrationError, DataError
 from flowlik.support import threads
+from flowlik.support.extras import extra
 from flowlik.support.versions import versions
 
 Map = Callable[..., Iterator[Any]]
@@ -52,9 +53,11 @@ def executor(
     ------
     DataError
         If the options do not fit together.
+    MissingExtraError
+        On entering, if Dask is not installed.
     CalibrationError
-        On entering, if Dask is missing, or no scheduler or worker answers. From the map, if a worker dies;
-        Dask repeats its blocks first.
+        On entering, if no scheduler or worker answers. From the map, if a worker dies; Dask repeats its
+        blocks first.
     """
     if name not in EXECUTORS:
         raise DataError(f"unknown executor {name!r}: known are {', '.join(EXECUTORS)}")
@@ -140,7 +143,7 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def _dask(workers: int, scheduler: str | None) -> Iterator[Map]:
-    distributed = _distributed()
+    distributed: Any = extra("distributed", "the executor dask")
     cluster: Any = None
     if scheduler is None:
         cluster = distributed.LocalCluster(
@@ -167,16 +170,6 @@ def _dask(workers: int, scheduler: str | None) -> Iterator[Map]:
     finally:
         if cluster is not None:
             cluster.close()
-
-
-def _distributed() -> Any:
-    try:
-        import distributed
-    except ImportError:
-        raise CalibrationError(
-            "the executor dask needs the extra `cluster`: pip install 'flowlik[cluster]'"
-        ) from None
-    return distributed
 
 
 def _client(distributed: Any, address: Any) -> Any:

@@ -127,6 +127,11 @@ def choose_smoothing(blocks: Sequence[ErrorSketch], family: ErrorFamily, knots: 
         Density.
     knots : array (M,), optional
         Knots of x; by default `place_knots` of all blocks.
+
+    Raises
+    ------
+    CalibrationError
+        If there is too little data.
     """
     filled = [block for block in blocks if block.total]
     if len(filled) < 2:
@@ -152,7 +157,13 @@ def bootstrap(
     replicates: int = 40,
     smoothing: float = SMOOTHING_NAT,
 ) -> Array:
-    """Tables (B, P, M) fitted to blocks drawn with replacement, each begun from the table itself."""
+    """Tables (B, P, M) fitted to blocks drawn with replacement, each begun from the table itself.
+
+    Raises
+    ------
+    CalibrationError
+        If the optimiser ends without a finite table.
+    """
     filled = [block for block in blocks if block.total]
     tables = []
     for _ in range(replicates):

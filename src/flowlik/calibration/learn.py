@@ -44,6 +44,11 @@ class Rows:
         """Rows of the reservoirs of several populations (flights, data sets), at most so many of each.
 
         Equal shares keep one long flight from deciding for all others.
+
+        Raises
+        ------
+        CalibrationError
+            If the sketches keep different covariates.
         """
         columns = populations[0].columns
         if any(p.columns != columns for p in populations):

@@ -31,7 +31,13 @@ class PairErrors:
 def calibration_pixels(
     previous: Image, method: FlowMethod, rng: np.random.Generator, dense: int | None = None
 ) -> Array | None:
-    """Where to calibrate: all or so many pixels of a dense method, else a jittered grid and corners."""
+    """Where to calibrate: all or so many pixels of a dense method, else a jittered grid and corners.
+
+    Raises
+    ------
+    DataError
+        If the image is too small for so many pixels.
+    """
     if isinstance(method, DenseFlow):
         return None if dense is None else stratified_pixels(previous.shape, dense, rng)
     grid = stratified_pixels(previous.shape, GRID_PIXELS, rng)

@@ -36,7 +36,13 @@ DENSE = IndexForm((*SPARSE.covariates, "spread"))
 
 
 def check_schedule(schedule: str) -> None:
-    """Raise CalibrationError unless a schedule of that name is offered."""
+    """Check that a schedule of that name is offered.
+
+    Raises
+    ------
+    CalibrationError
+        If it is not.
+    """
     if schedule not in SCHEDULES:
         raise CalibrationError(f"unknown schedule {schedule!r}: known are {', '.join(SCHEDULES)}")
 
@@ -62,6 +68,8 @@ def schedule_index(schedule: str, populations: Sequence[Sequence[ErrorSketch]], 
     ------
     CalibrationError
         If the name is unknown or there is too little data.
+    ModelError
+        If the form's family is unknown.
     """
     check_schedule(schedule)
     if schedule == "flow":

@@ -20,7 +20,13 @@ ARRAYS = ("counts", "by_level", "errors", "frames", "keys", "rows")
 
 
 def save_sketch(sketch: ErrorSketch, path: Path | str) -> None:
-    """Write a sketch, atomically."""
+    """Write a sketch, atomically.
+
+    Raises
+    ------
+    DataError
+        If the place cannot be written to.
+    """
     header = {
         "index": index_values(sketch.index), "pairs": sketch.pairs, "columns": sketch.columns,
         "excluded": sketch.excluded,

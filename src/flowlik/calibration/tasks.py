@@ -37,6 +37,11 @@ class Task:
     pixels : int or None
         About so many stratified pixels of a dense method's image; None for all. A sparse method is measured
         on a grid and at its corners.
+
+    Raises
+    ------
+    ModelError
+        If a covariate is unknown, when signals are asked for.
     """
 
     method: FlowMethod

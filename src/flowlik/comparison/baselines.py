@@ -11,9 +11,10 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.egomotion import Epipolar, KnownDepth
-from flowlik.errors import DataError, FlowlikError
+from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.support.arrays import Array
+from flowlik.support.extras import extra
 
 RADII_PX = (0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
 
@@ -35,6 +36,11 @@ class Pnp:
         Most hypotheses.
     confidence : float
         Probability of a good sample at which drawing stops.
+
+    Raises
+    ------
+    DataError
+        If there is no baseline of that name.
     """
 
     name: str = "opencv-ransac"
@@ -114,7 +120,7 @@ def _usac(flag: int, rival: Pnp) -> cv2.UsacParams:
 
 
 def _poselib(points: Array, ends: Array, camera: Pinhole, rival: Pnp) -> RigidTransform | None:
-    poselib = _import_poselib()
+    poselib: Any = extra("poselib", "this baseline")
     options = {
         "max_reproj_error": rival.radius_px, "max_iterations": rival.iterations,
         "min_iterations": min(rival.iterations, 10), "success_prob": rival.confidence,
@@ -193,10 +199,10 @@ def poselib_relative(
 
     Raises
     ------
-    FlowlikError
+    MissingExtraError
         If PoseLib is not installed.
     """
-    poselib = _import_poselib()
+    poselib: Any = extra("poselib", "this baseline")
     m, camera = residual.measurements, _poselib_camera(residual.camera)
     refinement = {} if cauchy_px is None else {"loss_type": "CAUCHY", "loss_scale": cauchy_px}
     pose, _ = poselib.estimate_relative_pose(
@@ -206,14 +212,6 @@ def poselib_relative(
     if not np.linalg.norm(t) > 0:
         return None
     return RigidTransform.from_components(t / np.linalg.norm(t), Rotation.from_matrix(pose.R))
-
-
-def _import_poselib() -> Any:
-    try:
-        import poselib
-    except ImportError:
-        raise FlowlikError("PoseLib is missing: pip install 'flowlik[baselines]'") from None
-    return poselib
 
 
 def _poselib_camera(c: Pinhole) -> dict[str, Any]:

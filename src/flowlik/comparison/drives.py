@@ -133,6 +133,8 @@ def run_drive(
     ------
     DataError
         If there are no poses.
+    ModelError
+        If the likelihood's flow method is not one of flowlik's own.
     """
     count = len(sequence) if frames is None else min(frames, len(sequence))
     truth = true_trajectory(sequence, count)

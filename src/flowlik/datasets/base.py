@@ -129,7 +129,13 @@ def decode_image(path: Path | str, flags: int) -> NDArray:
 
 
 def decode_bytes(data: bytes, path: Path | str, flags: int) -> NDArray:
-    """Decode an image that is in memory, as `decode_image`; ``path`` begins the message of an error."""
+    """Decode an image that is in memory, as `decode_image`; ``path`` begins the message of an error.
+
+    Raises
+    ------
+    DataError
+        If it is truncated or not an image, or its header claims more than `MAX_PIXELS`.
+    """
     width, height = claimed_size(data) or (0, 0)
     if width * height > MAX_PIXELS:
         found = f"its header claims {width} x {height} pixels"
@@ -144,7 +150,13 @@ def decode_bytes(data: bytes, path: Path | str, flags: int) -> NDArray:
 
 
 def of_size(values: NDArray[_T], shape: tuple[int, ...], path: Path, other: str) -> NDArray[_T]:
-    """Pass on values (H, W, ...) of a file; a DataError unless they have the size (H, W) of ``other``."""
+    """Pass on values (H, W, ...) of a file that must have the size (H, W) of ``other``.
+
+    Raises
+    ------
+    DataError
+        If they have another.
+    """
     if values.shape[:2] != shape[:2]:
         raise DataError(f"{path}: {_size(values.shape)} pixels, but {other} has {_size(shape)}")
     return values
@@ -155,7 +167,13 @@ def _size(shape: tuple[int, ...]) -> str:
 
 
 def frame_index(sequence: ImageSequence, k: int) -> int:
-    """Frame number k, or a DataError that says how many frames there are."""
+    """Frame number k of a sequence.
+
+    Raises
+    ------
+    DataError
+        If there is no such frame; says how many there are.
+    """
     if not 0 <= k < len(sequence):
         raise DataError(f"{sequence.name}: no frame {k}, there are {len(sequence)} frames")
     return int(k)
@@ -198,7 +216,13 @@ def mover_motions(
 
 
 def motion_to_next(sequence: ImageSequence, k: int) -> RigidTransform:
-    """Motion T_k1_k: camera of frame k to camera of frame k + 1."""
+    """Motion T_k1_k: camera of frame k to camera of frame k + 1.
+
+    Raises
+    ------
+    DataError
+        If there is no frame k.
+    """
     return relative_motion(sequence.T_n_c(k), sequence.T_n_c(frame_index(sequence, k) + 1))
 
 

@@ -87,11 +87,25 @@ class Euroc(FrameFiles):
         return np.asarray(cv2.remap(image, *self._undistortion, cv2.INTER_LINEAR), dtype=np.uint8)
 
     def timestamp(self, k: int) -> float:
-        """Return the time [s] of frame k."""
+        """Return the time [s] of frame k.
+
+        Raises
+        ------
+        DataError
+            If there is no such frame.
+        """
         return float(self._times[frame_index(self, k)])
 
     def T_n_c(self, k: int) -> RigidTransform:
-        """Return the true pose of the camera, nearest in time to frame k: takes {c} to {n} [m]."""
+        """Return the true pose of the camera, nearest in time to frame k: takes {c} to {n} [m].
+
+        Raises
+        ------
+        MissingFieldError
+            If there are no poses.
+        DataError
+            If there is no such frame.
+        """
         if self._poses is None:
             raise lacks(self.name, "poses (mav0/state_groundtruth_estimate0/data.csv)")
         return self._poses[frame_index(self, k)]

@@ -27,7 +27,13 @@ from flowlik.geometry.camera import Pinhole
 
 
 class Lacking:
-    """A sequence that has neither camera, times, poses, depth nor flow: each says so when asked for."""
+    """A sequence that has neither camera, times, poses, depth nor flow: each says so when asked for.
+
+    Raises
+    ------
+    MissingFieldError
+        When the camera is asked for.
+    """
 
     name: str
 
@@ -37,23 +43,53 @@ class Lacking:
         raise lacks(self.name, "camera")
 
     def timestamp(self, k: int) -> float:
-        """Raise: there are no times."""
+        """Time [s] of frame k.
+
+        Raises
+        ------
+        MissingFieldError
+            Always.
+        """
         raise lacks(self.name, "times")
 
     def T_n_c(self, k: int) -> RigidTransform:
-        """Raise: there are no poses."""
+        """Return the pose of frame k.
+
+        Raises
+        ------
+        MissingFieldError
+            Always.
+        """
         raise lacks(self.name, "poses")
 
     def depth(self, k: int) -> NDArray[np.float64]:
-        """Raise: there is no depth."""
+        """Return the depth (H, W) [m] of frame k.
+
+        Raises
+        ------
+        MissingFieldError
+            Always.
+        """
         raise lacks(self.name, "depth")
 
     def flow(self, k: int) -> NDArray[np.float64]:
-        """Raise: there is no true flow."""
+        """Return the true flow (H, W, 2) [px] of frame k.
+
+        Raises
+        ------
+        MissingFieldError
+            Always.
+        """
         raise lacks(self.name, "true flow, nor depth and poses to make it of")
 
     def visible(self, k: int) -> NDArray[np.bool_]:
-        """Raise: nothing says what is seen again."""
+        """Return which pixels (H, W) of frame k are seen again.
+
+        Raises
+        ------
+        MissingFieldError
+            Always.
+        """
         raise lacks(self.name, "visibility")
 
 
@@ -90,7 +126,13 @@ class FrameFiles(Lacking):
         return len(self.files)
 
     def image(self, k: int) -> NDArray[np.uint8]:
-        """Grey image (H, W) of frame k; a DataError if it is unreadable or of another size than the first."""
+        """Grey image (H, W) of frame k.
+
+        Raises
+        ------
+        DataError
+            If there is no such frame, or its file is unreadable or of another size than the first.
+        """
         path = self.files[frame_index(self, k)]
         return of_size(read_grey(path), self.shape, path, f"the first image ({self._first.name})")
 
@@ -99,12 +141,24 @@ class DepthFrames(FrameFiles):
     """Image files with depth and poses: flow and visibility follow from them."""
 
     def flow(self, k: int) -> NDArray[np.float64]:
-        """Return the flow (H, W, 2) [px] of depth and poses, in float64; occluded pixels keep theirs."""
+        """Return the flow (H, W, 2) [px] of depth and poses, in float64; occluded pixels keep theirs.
+
+        Raises
+        ------
+        MissingFieldError
+            If there is no depth or no pose.
+        """
         motion = motion_to_next(self, k)
         return true_flow(self.camera, self.depth(k), motion)
 
     def visible(self, k: int) -> NDArray[np.bool_]:
-        """Return which pixels (H, W) of frame k the depth of frame k + 1 shows again."""
+        """Return which pixels (H, W) of frame k the depth of frame k + 1 shows again.
+
+        Raises
+        ------
+        MissingFieldError
+            If there is no depth or no pose.
+        """
         motion = motion_to_next(self, k)
         return is_visible(visibility_next(self.camera, self.depth(k), self.depth(k + 1), motion))
 

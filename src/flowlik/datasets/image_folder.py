@@ -68,7 +68,13 @@ class ImageFolder(GivenCamera, FrameFiles):
         self.times_source = rate if self._times_s is None else "times.txt"
 
     def timestamp(self, k: int) -> float:
-        """Return the time [s] of frame k."""
+        """Return the time [s] of frame k.
+
+        Raises
+        ------
+        DataError
+            If there is no such frame.
+        """
         k = frame_index(self, k)
         return k / self.frames_per_second if self._times_s is None else float(self._times_s[k])
 
@@ -80,7 +86,13 @@ def image_files(folder: Path) -> list[Path]:
 
 
 def check_rate(frames_per_second: float) -> float:
-    """Frame rate [Hz] as float; a DataError unless positive and finite."""
+    """Frame rate [Hz] as float.
+
+    Raises
+    ------
+    DataError
+        If it is not positive and finite.
+    """
     if not 0 < frames_per_second < float("inf"):
         raise DataError(f"frame rate {frames_per_second}: must be positive [frames/s]")
     return float(frames_per_second)

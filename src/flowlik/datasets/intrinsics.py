@@ -20,7 +20,13 @@ CAMERA_HINT = "camera (give one by --camera: f,cx,cy or fx,fy,cx,cy in pixels, o
 
 
 class GivenCamera:
-    """Base of data sets whose camera the user gives, or may have to give."""
+    """Base of data sets whose camera the user gives, or may have to give.
+
+    Raises
+    ------
+    MissingFieldError
+        When the camera is asked for and none was given.
+    """
 
     name: str
     _camera: Pinhole | None = None

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.datasets.base import frame_index, lacks, read_grey
-from flowlik.datasets.frames import first_readable
+from flowlik.datasets.frames import Lacking, first_readable
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.trajectory import FRAME_RATE, read_kitti_poses, read_times
@@ -29,6 +29,11 @@ def find_sequences(root: Path | str) -> dict[str, Path]:
     """Folders of KITTI odometry sequences by name, below a root of the official layout or of plain clips.
 
     ``root/sequences/NN``, ``root/NN``, or the sequence itself.
+
+    Raises
+    ------
+    DataError
+        If there is none.
     """
     root = Path(root)
     for place in (root / "sequences", root):
@@ -45,7 +50,7 @@ def find_sequences(root: Path | str) -> dict[str, Path]:
     )
 
 
-class KittiOdometry:
+class KittiOdometry(Lacking):
     """One sequence of the KITTI odometry benchmark, or a clip of one, as a `ImageSequence`.
 
     Images are those of ``image_0``, else of ``image_2`` (as grey). KITTI's poses are those of camera 0;
@@ -97,7 +102,13 @@ class KittiOdometry:
         return len(self._files)
 
     def image(self, k: int) -> NDArray[np.uint8]:
-        """Grey image (H, W) of frame k; a DataError if it is unreadable or of another size than the first."""
+        """Grey image (H, W) of frame k.
+
+        Raises
+        ------
+        DataError
+            If there is no such frame, or its file is unreadable or of another size than the first.
+        """
         path = self._files[frame_index(self, k)]
         image = read_grey(path)
         expected = (self._camera.height, self._camera.width)
@@ -106,11 +117,25 @@ class KittiOdometry:
         return image
 
     def timestamp(self, k: int) -> float:
-        """Time [s] of frame k."""
+        """Time [s] of frame k.
+
+        Raises
+        ------
+        DataError
+            If there is no such frame.
+        """
         return float(self._timestamps[frame_index(self, k)])
 
     def right_image(self, k: int) -> NDArray[np.uint8]:
-        """Grey image (H, W) of the camera to the right, where its folder is there."""
+        """Grey image (H, W) of the camera to the right.
+
+        Raises
+        ------
+        MissingFieldError
+            If its file is not there.
+        DataError
+            If there is no such frame, or its file is unreadable.
+        """
         path = self.folder / RIGHT_FOLDERS[self._images] / self._files[frame_index(self, k)].name
         if not path.is_file():
             raise lacks(self.name, f"right image ({RIGHT_FOLDERS[self._images]}/{path.name})")
@@ -123,16 +148,16 @@ class KittiOdometry:
         return float(self._t_c_0[0] - t[0])
 
     def T_n_c(self, k: int) -> RigidTransform:
-        """Return the true pose of frame k, which takes points in {c} to points in {n} [m]."""
+        """Return the true pose of frame k, which takes points in {c} to points in {n} [m].
+
+        Raises
+        ------
+        MissingFieldError
+            If there are no poses.
+        DataError
+            If there is no such frame, or the poses are malformed or not one an image.
+        """
         return self._poses[frame_index(self, k)]
-
-    def depth(self, k: int) -> NDArray[np.float64]:
-        """Raise: KITTI odometry has no depth."""
-        raise lacks(self.name, "depth")
-
-    def flow(self, k: int) -> NDArray[np.float64]:
-        """Raise: KITTI odometry has no true flow."""
-        raise lacks(self.name, "true flow")
 
     @cached_property
     def _poses(self) -> RigidTransform:
@@ -205,7 +230,13 @@ def _calibration_rows(path: Path | str) -> list[tuple[str, list[float]]]:
 
 
 def images_in(folder: Path, names: Iterable[str], kind: str) -> str:
-    """The first of the image folders `names` that a KITTI folder has."""
+    """The first of the image folders `names` that a KITTI folder has.
+
+    Raises
+    ------
+    DataError
+        If it has none.
+    """
     if not folder.is_dir():
         raise DataError(f"{folder}: no such folder")
     found = next((name for name in names if (folder / name).is_dir()), None)
@@ -218,6 +249,11 @@ def numbered_images(folder: Path, gaps: bool = False) -> list[Path]:
     """PNG files of a folder in the order of their numbers, which must be consecutive.
 
     With ``gaps`` the files that are missing in between stand in the list too.
+
+    Raises
+    ------
+    DataError
+        If there are none, one is named otherwise, or some are missing in between and ``gaps`` is off.
     """
     files = list(folder.glob("*.png"))
     if not files:

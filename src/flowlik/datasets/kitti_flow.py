@@ -59,7 +59,16 @@ class KittiFlow(ImagePairs):
         super().__init__(f"kitti-flow/{IMAGES[images.name]}-{self.folder.resolve().name}", pairs)
 
     def visible(self, k: int) -> NDArray[np.bool_]:
-        """Return which pixels (H, W) of frame k have true flow and stay in sight, those of ``flow_noc``."""
+        """Return which pixels (H, W) of frame k have true flow and stay in sight, those of ``flow_noc``.
+
+        Raises
+        ------
+        MissingFieldError
+            If there is no such file.
+        DataError
+            If k is a second frame or there is no such frame, or the file is unreadable or of another
+            size.
+        """
         i = self.pair_index(k)
         first = self.pairs[i].first
         path = self.folder / "flow_noc" / first.name

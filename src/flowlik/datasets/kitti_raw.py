@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.datasets.base import frame_index, lacks, read_grey
-from flowlik.datasets.frames import first_readable
+from flowlik.datasets.frames import Lacking, first_readable
 from flowlik.datasets.kitti import images_in, numbered_images
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
@@ -29,7 +29,7 @@ ODOMETRY_DRIVES = {
 RIGHT = {"00": "01", "02": "03"}
 
 
-class KittiRaw:
+class KittiRaw(Lacking):
     """One drive of KITTI raw (``..._sync``), as a `ImageSequence`.
 
     Images are those of ``image_00``, else of ``image_02`` (as grey), rectified. `T_n_c` comes from OXTS: its
@@ -74,11 +74,25 @@ class KittiRaw:
         return len(self._files)
 
     def image(self, k: int) -> NDArray[np.uint8]:
-        """Grey image (H, W) of frame k."""
+        """Grey image (H, W) of frame k.
+
+        Raises
+        ------
+        DataError
+            If there is no such frame, or its file is unreadable.
+        """
         return read_grey(self._files[frame_index(self, k)])
 
     def right_image(self, k: int) -> NDArray[np.uint8]:
-        """Grey image (H, W) of the camera to the right."""
+        """Grey image (H, W) of the camera to the right.
+
+        Raises
+        ------
+        MissingFieldError
+            If its file is not there.
+        DataError
+            If there is no such frame, or its file is unreadable.
+        """
         path = self.folder / f"image_{RIGHT[self._number]}" / "data" / self._files[frame_index(self, k)].name
         if not path.is_file():
             raise lacks(self.name, f"right image {path.name}")
@@ -91,25 +105,31 @@ class KittiRaw:
         return float((self._P[0, 3] - P[0, 3]) / P[0, 0])
 
     def timestamp(self, k: int) -> float:
-        """Time [s] of frame k, from the first."""
+        """Time [s] of frame k, from the first.
+
+        Raises
+        ------
+        DataError
+            If there is no such frame.
+        """
         return float(self._timestamps[frame_index(self, k)])
 
     def T_n_c(self, k: int) -> RigidTransform:
-        """Return the pose of frame k by OXTS, which takes points in {c} to points in {n} [m]."""
+        """Return the pose of frame k by OXTS, which takes points in {c} to points in {n} [m].
+
+        Raises
+        ------
+        MissingFieldError
+            If there are no OXTS files.
+        DataError
+            If there is no such frame, or OXTS or calibration are malformed or not one an image.
+        """
         return self._poses[frame_index(self, k)]
 
     @property
     def gps_positions(self) -> NDArray[np.float64]:
         """Positions (N, 3) [m] of the camera by OXTS: of the unit, moved by the lever arm."""
         return np.asarray(self._poses.translation, dtype=np.float64)
-
-    def depth(self, k: int) -> NDArray[np.float64]:
-        """Raise: KITTI raw has no depth here."""
-        raise lacks(self.name, "depth")
-
-    def flow(self, k: int) -> NDArray[np.float64]:
-        """Raise: KITTI raw has no true flow."""
-        raise lacks(self.name, "true flow")
 
     @cached_property
     def _poses(self) -> RigidTransform:

@@ -73,7 +73,13 @@ class Lens:
         return Pinhole(width, height, self.fx, self.fy, self.cx, self.cy)
 
     def maps(self, shape: tuple[int, ...]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Columns and rows (H, W) of the pinhole camera's pixels in the distorted image."""
+        """Columns and rows (H, W) of the pinhole camera's pixels in the distorted image.
+
+        Raises
+        ------
+        DataError
+            If the lens was calibrated for another size.
+        """
         K, size = self.pinhole(shape).K, (shape[1], shape[0])
         d = np.array(self.coefficients or (0.0,) * 4)
         undistort = cv2.fisheye.initUndistortRectifyMap if self.fisheye else cv2.initUndistortRectifyMap

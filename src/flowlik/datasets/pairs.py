@@ -44,7 +44,13 @@ class ImagePairs(PairSequence, Lacking):
         return 2 * len(self.pairs)
 
     def image(self, k: int) -> NDArray[np.uint8]:
-        """Grey image (H, W) of frame k; a DataError if unreadable or of another size than its partner."""
+        """Grey image (H, W) of frame k.
+
+        Raises
+        ------
+        DataError
+            If there is no such frame, or its file is unreadable or of another size than its partner.
+        """
         pair = self.pairs[frame_index(self, k) // 2]
         if k % 2 == 0:
             image = read_grey(pair.first)
@@ -53,7 +59,16 @@ class ImagePairs(PairSequence, Lacking):
         return of_size(read_grey(pair.second), self._shape(k // 2), pair.second, pair.first.name)
 
     def flow(self, k: int) -> NDArray[np.float64]:
-        """Return the true flow (H, W, 2) [px] from frame k, which must be even, to k + 1."""
+        """Return the true flow (H, W, 2) [px] from frame k, which must be even, to k + 1.
+
+        Raises
+        ------
+        MissingFieldError
+            If the pair has no truth.
+        DataError
+            If k is a second frame or there is no such frame, or the file is unreadable or of another
+            size.
+        """
         i = self.pair_index(k)
         path = self.pairs[i].truth
         if path is None:
@@ -61,7 +76,13 @@ class ImagePairs(PairSequence, Lacking):
         return of_size(self._read_truth(path), self._shape(i), path, self.pairs[i].first.name)
 
     def pair_index(self, k: int) -> int:
-        """Number of the pair whose first frame is k; a DataError if k is a second frame."""
+        """Number of the pair whose first frame is k.
+
+        Raises
+        ------
+        DataError
+            If k is a second frame, or there is no such frame.
+        """
         if frame_index(self, k) % 2:
             raise DataError(f"{self.name}: frames {k} and {k + 1} are no pair, pairs begin at even frames")
         return k // 2

@@ -95,11 +95,23 @@ class RosBag(GivenCamera, Lacking):
         return len(self._times)
 
     def image(self, k: int) -> NDArray[np.uint8]:
-        """Grey image (H, W) of frame k."""
+        """Grey image (H, W) of frame k.
+
+        Raises
+        ------
+        DataError
+            If there is no such frame, or it is unreadable or of another size than the first.
+        """
         return of_size(self._read(k), self.shape, self.path, "the first image")
 
     def timestamp(self, k: int) -> float:
-        """Return the time [s] in the header of frame k."""
+        """Return the time [s] in the header of frame k.
+
+        Raises
+        ------
+        DataError
+            If there is no such frame.
+        """
         return float(self._times[frame_index(self, k)])
 
     def __getstate__(self) -> dict[str, Any]:
@@ -135,7 +147,7 @@ class RosBag(GivenCamera, Lacking):
     def _read(self, k: int) -> NDArray[np.uint8]:
         written, same = self._places[frame_index(self, k)]
         where = f"{self.path}, image {k}"
-        with self._lock, guarded(self.path):
+        with self._lock, _guarded(self.path):
             reader = self._open()
             messages = reader.messages(_connections(reader, self.topic), start=written, stop=written + 1)
             for number, (connection, _, data) in enumerate(messages):
@@ -164,12 +176,12 @@ def opened(path: Path) -> Iterator[Any]:
     DataError
         If the bag is missing or cannot be read.
     """
-    with guarded(path), _reader(path) as reader:
+    with _guarded(path), _reader(path) as reader:
         yield reader
 
 
 @contextmanager
-def guarded(path: Path) -> Iterator[None]:
+def _guarded(path: Path) -> Iterator[None]:
     """Turn what is wrong with a bag into one DataError."""
     try:
         yield

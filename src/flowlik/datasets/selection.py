@@ -35,6 +35,8 @@ class Selection:
     ------
     DataError
         If the sequence has no such frames.
+    AttributeError
+        If what is asked for is neither here nor in the sequence.
     """
 
     def __init__(self, whole: ImageSequence, frames: Seq[int]) -> None:
@@ -68,7 +70,13 @@ class Selection:
         return self.whole.depth(self._of(k))
 
     def flow(self, k: int) -> NDArray[np.float64]:
-        """Return the true flow (H, W, 2) [px] to the next frame, where that is the whole sequence's next."""
+        """Return the true flow (H, W, 2) [px] to the next frame, where that is the whole sequence's next.
+
+        Raises
+        ------
+        MissingFieldError
+            If frames between them were left out, or the sequence has no flow.
+        """
         if k + 1 < len(self) and self._of(k + 1) != self._of(k) + 1:
             raise lacks(self.name, f"true flow from frame {self._of(k)} to {self._of(k + 1)}")
         return self.whole.flow(self._of(k))

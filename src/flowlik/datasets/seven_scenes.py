@@ -69,11 +69,23 @@ class SevenScenes(DepthFrames):
         return self._camera
 
     def timestamp(self, k: int) -> float:
-        """Return the nominal time [s] of frame k."""
+        """Return the nominal time [s] of frame k.
+
+        Raises
+        ------
+        DataError
+            If there is no such frame.
+        """
         return frame_index(self, k) / FRAMES_PER_SECOND
 
     def T_n_c(self, k: int) -> RigidTransform:
-        """Return the pose of frame k, which takes points in {c} to points in {n} [m]."""
+        """Return the pose of frame k, which takes points in {c} to points in {n} [m].
+
+        Raises
+        ------
+        DataError
+            If there is no such frame, or its file is missing or not a pose.
+        """
         path = self._beside(k, ".pose.txt")
         rows, _ = read_table(path, 4, "4 numbers (a row of a 4 x 4 pose)")
         if len(rows) != 4:
@@ -81,7 +93,13 @@ class SevenScenes(DepthFrames):
         return rigid_transform(rows, str(path))
 
     def depth(self, k: int) -> NDArray[np.float64]:
-        """Return the measured depth (H, W) [m] along z; NaN where unknown."""
+        """Return the measured depth (H, W) [m] along z; NaN where unknown.
+
+        Raises
+        ------
+        DataError
+            If there is no such frame, or its file is missing, damaged or of another size.
+        """
         return read_depth(self._beside(k, ".depth.png"), self.shape, MM_PER_M, UNKNOWN)
 
     def _beside(self, k: int, end: str) -> Path:

@@ -52,7 +52,15 @@ class Sintel(FrameFiles):
         super().__init__(f"sintel/{self.scene}-{folder.resolve().parent.name}", files)
 
     def flow(self, k: int) -> NDArray[np.float64]:
-        """Return the true flow (H, W, 2) [px] from frame k to k + 1; NaN where invalid."""
+        """Return the true flow (H, W, 2) [px] from frame k to k + 1; NaN where invalid.
+
+        Raises
+        ------
+        MissingFieldError
+            If there is no folder of true flow.
+        DataError
+            If there is no such frame or none after it, or a file is missing, damaged or of another size.
+        """
         path = self._beside("flow", k, ".flo")
         flow = of_size(read_flow(path), self.shape, path, "the image")
         flow[self._mask("invalid", k)] = np.nan

@@ -87,12 +87,26 @@ class TartanAir:
         return len(self._images)
 
     def image(self, k: int) -> NDArray[np.uint8]:
-        """Return the grey image (H, W) of frame k."""
+        """Return the grey image (H, W) of frame k.
+
+        Raises
+        ------
+        DataError
+            If there is no such frame, or its file is unreadable or of another size than the camera.
+        """
         path = self._images[frame_index(self, k)]
         return _of_size(read_grey(path), self.camera, path)
 
     def right_image(self, k: int) -> NDArray[np.uint8]:
-        """Return the grey image (H, W) of the right front camera, level with the left one."""
+        """Return the grey image (H, W) of the right front camera, level with the left one.
+
+        Raises
+        ------
+        MissingFieldError
+            If its file is not there.
+        DataError
+            If there is no such frame, or its file is unreadable or of another size than the camera.
+        """
         stem = self._images[frame_index(self, k)].stem.replace("lcam", "rcam")
         path = self.folder / "image_rcam_front" / f"{stem}.png"
         if not path.is_file():
@@ -100,33 +114,70 @@ class TartanAir:
         return _of_size(read_grey(path), self.camera, path)
 
     def timestamp(self, k: int) -> float:
-        """Return the time [s] of frame k."""
+        """Return the time [s] of frame k.
+
+        Raises
+        ------
+        DataError
+            If there is no such frame.
+        """
         k = frame_index(self, k)
         return k / self.frames_per_second if self._times_s is None else float(self._times_s[k])
 
     def T_n_c(self, k: int) -> RigidTransform:
-        """Return the true pose of frame k: takes points in {c} to points in {n} [m]."""
+        """Return the true pose of frame k: takes points in {c} to points in {n} [m].
+
+        Raises
+        ------
+        MissingFieldError
+            If there are no poses.
+        DataError
+            If there is no such frame.
+        """
         if self._poses is None:
             raise lacks(self.name, "poses (pose_lcam_front.txt)")
         return self._poses[frame_index(self, k)]
 
     def depth(self, k: int) -> NDArray[np.float64]:
-        """Return the true depth (H, W) [m] along z at pixel centres, of float32 precision."""
+        """Return the true depth (H, W) [m] along z at pixel centres, of float32 precision.
+
+        Raises
+        ------
+        MissingFieldError
+            If its file is not there.
+        DataError
+            If there is no such frame, or its file is damaged or of another size than the camera.
+        """
         stem = self._images[frame_index(self, k)].stem
         path = self.folder / "depth_lcam_front" / f"{stem}_depth.png"
         if not path.is_file():
             raise lacks(self.name, f"depth for frame {k} ({path.name})")
-        depth = decode_depth(decode_image(path, cv2.IMREAD_UNCHANGED), path)
+        depth = _decode_depth(decode_image(path, cv2.IMREAD_UNCHANGED), path)
         return _of_size(depth, self.camera, path)
 
     def flow(self, k: int) -> NDArray[np.float64]:
-        """Return the true flow (H, W, 2) [px] from frame k to k + 1; occluded pixels keep theirs."""
+        """Return the true flow (H, W, 2) [px] from frame k to k + 1; occluded pixels keep theirs.
+
+        Raises
+        ------
+        MissingFieldError
+            If there is no depth or no pose.
+        DataError
+            If there is no such frame or none after it, or a file is damaged.
+        """
         return true_flow(self.camera, self.depth(k), motion_to_next(self, k), self._moving(k))
 
     def visibility(self, k: int) -> NDArray[np.uint8]:
         """Return what becomes of each pixel (H, W) in frame k + 1, a `flowlik.datasets.base.Visibility`.
 
         Needs the depth of both frames.
+
+        Raises
+        ------
+        MissingFieldError
+            If there is no depth or no pose.
+        DataError
+            If there is no such frame or none after it, or a file is damaged.
         """
         motion, movers = motion_to_next(self, k), self._moving(k)
         return visibility_next(self.camera, self.depth(k), self.depth(k + 1), motion, movers)
@@ -152,7 +203,7 @@ def encode_depth(depth: NDArray[np.float64]) -> NDArray[np.uint8]:
     return np.ascontiguousarray(depth, dtype="<f4").view(np.uint8).reshape(*depth.shape, 4)
 
 
-def decode_depth(channels: NDArray[np.uint8], path: Path) -> NDArray[np.float64]:
+def _decode_depth(channels: NDArray[np.uint8], path: Path) -> NDArray[np.float64]:
     """Depth (H, W) [m] of a four-channel image; the path is named in errors."""
     if channels.dtype != np.uint8 or channels.ndim != 3 or channels.shape[2] != 4:
         raise DataError(f"{path}: depth must be an 8-bit PNG of 4 channels, this one is {channels.shape}")

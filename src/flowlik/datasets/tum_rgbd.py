@@ -88,17 +88,39 @@ class TumRgbd(DepthFrames):
         return self._camera
 
     def timestamp(self, k: int) -> float:
-        """Return the time [s] of the image of frame k."""
+        """Return the time [s] of the image of frame k.
+
+        Raises
+        ------
+        DataError
+            If there is no such frame.
+        """
         return float(self._times[frame_index(self, k)])
 
     def T_n_c(self, k: int) -> RigidTransform:
-        """Return the true pose nearest in time to frame k, which takes points in {c} to points in {n} [m]."""
+        """Return the true pose nearest in time to frame k, which takes points in {c} to points in {n} [m].
+
+        Raises
+        ------
+        MissingFieldError
+            If there are no poses.
+        DataError
+            If there is no such frame.
+        """
         if self._poses is None:
             raise lacks(self.name, "poses (groundtruth.txt)")
         return self._poses[frame_index(self, k)]
 
     def depth(self, k: int) -> NDArray[np.float64]:
-        """Return the measured depth (H, W) [m] along z nearest in time to frame k; NaN where unknown."""
+        """Return the measured depth (H, W) [m] along z nearest in time to frame k; NaN where unknown.
+
+        Raises
+        ------
+        MissingFieldError
+            If there is no depth.
+        DataError
+            If there is no such frame, or its file is missing, damaged or of another size.
+        """
         if self._depths is None:
             raise lacks(self.name, "depth (depth.txt)")
         return read_depth(self._depths[frame_index(self, k)], self.shape, UNITS_PER_M)

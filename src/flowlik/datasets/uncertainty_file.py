@@ -42,6 +42,11 @@ def write_uncertainty(path: Path | str, half_width_px: NDArray, angle: NDArray) 
         Half-widths of the interval along e1 and e2 [px]; NaN where unknown.
     angle : array (H, W)
         Angle of e1 [rad], modulo half a turn.
+
+    Raises
+    ------
+    DataError
+        If the place cannot be written to.
     """
     known = np.asarray(np.isfinite(half_width_px).all(axis=-1) & np.isfinite(angle))
     widths = np.clip(np.rint(np.where(known[..., None], half_width_px, 0.0) * STEPS_PER_PX), 1, LARGEST)

@@ -72,7 +72,13 @@ class Video(GivenCamera, Lacking):
         return self._frames
 
     def image(self, k: int) -> NDArray[np.uint8]:
-        """Grey image (H, W) of frame k."""
+        """Grey image (H, W) of frame k.
+
+        Raises
+        ------
+        DataError
+            If there is no such frame, or it is of another size than the first.
+        """
         image = self._read(k) if k >= 0 else None
         if image is None:
             raise DataError(f"{self.name}: no frame {k}, there are {len(self)} frames in {self.path}")
@@ -81,7 +87,13 @@ class Video(GivenCamera, Lacking):
         return image
 
     def timestamp(self, k: int) -> float:
-        """Return the time [s] of frame k."""
+        """Return the time [s] of frame k.
+
+        Raises
+        ------
+        MissingFieldError
+            If neither the file nor the user gives a frame rate.
+        """
         if self._rate is None:
             raise lacks(self.name, "frame rate (give one by --frames-per-second)")
         return k / self._rate

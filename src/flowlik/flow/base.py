@@ -46,7 +46,13 @@ def describe(method: FlowMethod) -> dict[str, Any]:
 
 
 def check_parameters(method: FlowMethod) -> None:
-    """Raise ModelError unless a built-in method's parameters are numbers below 1000 of their kinds."""
+    """Check that a built-in method's parameters are numbers below 1000 of their kinds.
+
+    Raises
+    ------
+    ModelError
+        If one is not.
+    """
     for f in fields(method):  # type: ignore[arg-type]
         value, default = getattr(method, f.name), cast(Any, f.default)
         kind = type(default)
@@ -95,7 +101,13 @@ def backward_method(method: FlowMethod) -> FlowMethod:
 
 
 def check_pair(previous: Image, current: Image) -> None:
-    """Raise DataError unless both are grey uint8 images of one size."""
+    """Check that both are grey uint8 images of one size.
+
+    Raises
+    ------
+    DataError
+        If they are not.
+    """
     for image in (previous, current):
         if image.ndim != 2 or image.dtype != np.uint8:
             raise DataError(f"an image must be grey uint8 (H, W), not {image.dtype} {image.shape}")

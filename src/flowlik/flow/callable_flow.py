@@ -35,13 +35,18 @@ class CallableFlow(DenseFlow):
     object : str
         ``package.module:object``: a callable ``f(previous, current)`` that takes grey uint8 images (H, W) and
         returns flow (H, W, 2) [px] of a floating type, not finite where unknown; or a `DenseFlow`.
+
+    Raises
+    ------
+    ModelError
+        If the name is not of that form.
     """
 
     name: ClassVar[str] = "callable"
     object: str
 
     def __post_init__(self) -> None:
-        check_name(self.object)
+        _check_name(self.object)
 
     def dense(self, previous: Image, current: Image) -> NDArray[np.float32]:
         """Flow (H, W, 2) [px] of every pixel; NaN where unknown.
@@ -50,6 +55,8 @@ class CallableFlow(DenseFlow):
         ------
         DataError
             If the object fails, or returns anything else.
+        ModelError
+            If it cannot be imported, or is no flow.
         """
         check_pair(previous, current)
         own = find(self.object)
@@ -66,7 +73,15 @@ class CallableFeatures:
     object: str
 
     def measure(self, previous: Image, current: Image) -> tuple[Array, Array]:
-        """Pixels (N, 2) the object chooses and their flow (N, 2) [px]; NaN where it fails."""
+        """Pixels (N, 2) the object chooses and their flow (N, 2) [px]; NaN where it fails.
+
+        Raises
+        ------
+        ModelError
+            If the object cannot be imported, or is no flow.
+        DataError
+            If the images differ in size, or the object fails or returns anything else.
+        """
         check_pair(previous, current)
         measured = _call(self.object, find(self.object).measure, previous.copy(), current.copy())
         if not isinstance(measured, tuple) or len(measured) != 2:
@@ -75,14 +90,22 @@ class CallableFeatures:
         return pixels, _floats(self.object, measured[1], pixels.shape)
 
     def measure_at(self, previous: Image, current: Image, pixels: Array) -> Array:
-        """Flow (N, 2) [px] at given pixels (N, 2); NaN where it fails."""
+        """Flow (N, 2) [px] at given pixels (N, 2); NaN where it fails.
+
+        Raises
+        ------
+        ModelError
+            If the object cannot be imported, or is no flow.
+        DataError
+            If the images differ in size, or the object fails or returns anything else.
+        """
         check_pair(previous, current)
         measure_at = find(self.object).measure_at
         flow = _call(self.object, measure_at, previous.copy(), current.copy(), pixels.copy())
         return _floats(self.object, flow, pixels.shape)
 
 
-def check_name(name: str) -> None:
+def _check_name(name: str) -> None:
     """Raise ModelError unless a name is of the form ``package.module:object``."""
     if not (isinstance(name, str) and DOTTED.fullmatch(name)):
         raise ModelError(f"{name!r} is not the name of an object, such as package.module:object")
@@ -112,7 +135,7 @@ def find(name: str) -> Any:
     ModelError
         If the name is not of that form, cannot be imported, or is of something else.
     """
-    check_name(name)
+    _check_name(name)
     here = str(Path.cwd())
     if not sys.flags.safe_path and not {"", here} & set(sys.path):
         sys.path.insert(0, here)

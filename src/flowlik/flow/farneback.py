@@ -41,7 +41,13 @@ class Farneback(DenseFlow):
     poly_sigma: float = 1.5
 
     def dense(self, previous: Image, current: Image) -> NDArray[np.float32]:
-        """Flow (H, W, 2) [px] of every pixel."""
+        """Flow (H, W, 2) [px] of every pixel.
+
+        Raises
+        ------
+        DataError
+            If the images differ in size, or are not grey uint8.
+        """
         check_pair(previous, current)
         start = np.zeros((*previous.shape, 2), np.float32)
         flow = cv2.calcOpticalFlowFarneback(

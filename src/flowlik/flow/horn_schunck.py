@@ -55,6 +55,11 @@ class HornSchunck(DenseFlow):
         Gaussian that both images are smoothed with, at each level [px].
     median : int
         Side of the median filter [px]: 3 or 5; 1 is none.
+
+    Raises
+    ------
+    ModelError
+        If a parameter is out of its range.
     """
 
     name: ClassVar[str] = "horn-schunck"
@@ -74,7 +79,13 @@ class HornSchunck(DenseFlow):
             )
 
     def dense(self, previous: Image, current: Image) -> NDArray[np.float32]:
-        """Flow (H, W, 2) [px] of every pixel."""
+        """Flow (H, W, 2) [px] of every pixel.
+
+        Raises
+        ------
+        DataError
+            If the images differ in size, or are not grey uint8.
+        """
         check_pair(previous, current)
         pyramid = [(previous.astype(np.float32), current.astype(np.float32))]
         while len(pyramid) < self.levels and min(pyramid[-1][0].shape) >= 2 * SMALLEST:

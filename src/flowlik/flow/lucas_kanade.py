@@ -55,7 +55,13 @@ class LucasKanade(Windowed):
         return pixels, self.measure_at(previous, current, pixels)
 
     def measure_at(self, previous: Image, current: Image, pixels: Array) -> Array:
-        """Flow (N, 2) [px] at given pixels (N, 2); NaN where lost, or outside the image."""
+        """Flow (N, 2) [px] at given pixels (N, 2); NaN where lost, or outside the image.
+
+        Raises
+        ------
+        DataError
+            If the images differ in size, or are not grey uint8.
+        """
         check_pair(previous, current)
         inside = inside_image(pixels, previous.shape)
         start = np.where(inside[:, None], pixels, 0).astype(np.float32).reshape(-1, 1, 2)

@@ -35,6 +35,11 @@ class FlowFiles(DenseFlow, FlowOfPairs):
         Folder of a sequence's files, or of folders named as the sequences; or the one file of a pair.
     back : Path, optional
         File of the pair's backward flow, where `path` is a file.
+
+    Raises
+    ------
+    ModelError
+        If the label has other characters than letters, digits and ``. _ -``.
     """
 
     name: ClassVar[str] = "flow-files"

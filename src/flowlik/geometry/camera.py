@@ -49,7 +49,13 @@ class Pinhole:
 
     @classmethod
     def from_fov(cls, width: int, height: int, fov_x_deg: float) -> Pinhole:
-        """Camera with square pixels, centred principal point and a horizontal field of view [deg]."""
+        """Camera with square pixels, centred principal point and a horizontal field of view [deg].
+
+        Raises
+        ------
+        DataError
+            If the field of view does not lie between 0 and 180 degrees.
+        """
         if not 0 < fov_x_deg < 180:
             raise DataError(f"impossible field of view {fov_x_deg} deg: must lie between 0 and 180")
         f = 0.5 * width / np.tan(np.deg2rad(fov_x_deg) / 2)

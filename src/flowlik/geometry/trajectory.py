@@ -79,7 +79,13 @@ class Trajectory:
 
 
 def check_times(timestamps: Array, where: str) -> None:
-    """Raise a DataError that begins with ``where`` unless timestamps (N,) [s] are finite and increase."""
+    """Check that timestamps (N,) [s] are finite and increase; ``where`` begins the message of an error.
+
+    Raises
+    ------
+    DataError
+        If they do not.
+    """
     if not np.isfinite(timestamps).all():
         raise DataError(f"{where}: a timestamp is not a finite number")
     back = np.flatnonzero(np.diff(timestamps) <= 0)
@@ -134,7 +140,13 @@ def read_kitti(path: Path | str, times: Path | str | None = None) -> Trajectory:
 
 
 def read_kitti_poses(path: Path | str) -> RigidTransform:
-    """Poses of a KITTI file, as `read_kitti`, without times."""
+    """Poses of a KITTI file, as `read_kitti`, without times.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read, or is not a table of poses.
+    """
     rows, lines = read_table(path, 12, KITTI_LAYOUT)
     matrices = rows.reshape(-1, 3, 4)
     R = matrices[:, :, :3]
@@ -146,7 +158,13 @@ def read_kitti_poses(path: Path | str) -> RigidTransform:
 
 
 def read_times(path: Path | str, increasing: bool = True) -> Array:
-    """Read times (N,) [s], one a row; a DataError says what is wrong, by default also if they go back."""
+    """Read times (N,) [s], one a row.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read, or times are not numbers, or go back and ``increasing`` is asked for.
+    """
     seconds = read_table(path, 1, "1 number (a time in seconds)")[0][:, 0]
     if increasing:
         check_times(seconds, str(path))

@@ -30,6 +30,11 @@ class TextureDefinition:
         ``"scharr"``: 3x3 Scharr derivatives divided by 32 (a unit ramp gives 1).
     window : int
         Side of the box window [px], odd.
+
+    Raises
+    ------
+    DataError
+        If the derivative is unknown, or the window is even or not positive.
     """
 
     derivative: str = "scharr"

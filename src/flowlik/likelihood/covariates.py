@@ -94,13 +94,25 @@ COVARIATES: dict[str, Covariate] = {
 
 
 def covariate(name: str) -> Covariate:
-    """Covariate of a name; ModelError names the known ones."""
+    """Covariate of a name.
+
+    Raises
+    ------
+    ModelError
+        If there is none of that name.
+    """
     if name not in COVARIATES:
         raise ModelError(f"unknown covariate {name!r}: known are {', '.join(COVARIATES)}")
     return COVARIATES[name]
 
 
 def of_components(name: str, m: Measurements) -> Array:
-    """Values (N, 2) of a covariate for the eigen-components of measurements."""
+    """Values (N, 2) of a covariate for the eigen-components of measurements.
+
+    Raises
+    ------
+    ModelError
+        If there is none of that name, or a signal that it needs was not measured.
+    """
     along = covariate(name).along
     return np.stack([along(m, m.R_i_e[:, :, j]) for j in (0, 1)], axis=-1)

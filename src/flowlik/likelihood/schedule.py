@@ -58,6 +58,11 @@ class Index:
         Constant.
     low, high : float
         Range of x that sketches bin; values beyond are counted in the outer bins.
+
+    Raises
+    ------
+    ModelError
+        If a covariate is unknown, a term is not of the inputs, or weights or ranges are not sensible.
     """
 
     inputs: tuple[Input, ...] = (Input("texture", 1e-2),)
@@ -96,7 +101,13 @@ class Index:
         return tuple(sorted({s for name in self.covariates for s in covariate(name).signals}))
 
     def of(self, m: Measurements) -> Array:
-        """Coordinates x (N, 2) of the eigen-components of measurements."""
+        """Coordinates x (N, 2) of the eigen-components of measurements.
+
+        Raises
+        ------
+        ModelError
+            If a signal that it needs was not measured.
+        """
         return self.combine({name: of_components(name, m) for name in self.covariates})
 
     def along(self, m: Measurements, normal: Array, held: Mapping[str, Array] | None = None) -> Array:
@@ -104,6 +115,11 @@ class Index:
 
         ``held`` is what `isotropic` gave of these measurements: it saves time where many directions are asked
         for.
+
+        Raises
+        ------
+        ModelError
+            If a signal that it needs was not measured.
         """
         held = held or {}
         return self.combine(
@@ -111,7 +127,13 @@ class Index:
         )
 
     def isotropic(self, m: Measurements) -> dict[str, Array]:
-        """Logarithms (N,) of the clipped covariates that are the same along every direction."""
+        """Logarithms (N,) of the clipped covariates that are the same along every direction.
+
+        Raises
+        ------
+        ModelError
+            If a signal that it needs was not measured.
+        """
         any_direction = np.tile([1.0, 0.0], (len(m), 1))
         return {
             i.covariate: np.log(np.clip(covariate(i.covariate).along(m, any_direction), i.low, i.high))
@@ -149,6 +171,11 @@ class Schedule:
         Increasing knots of x.
     values : array (P, M)
         Parameters at the knots.
+
+    Raises
+    ------
+    ModelError
+        If knots do not increase, or the table does not fit them or is not finite.
     """
 
     index: Index
@@ -190,7 +217,13 @@ def hat_weights(knots: Array, x: Array) -> Array:
 
 
 def check_values(family: ErrorFamily, schedule: Schedule) -> None:
-    """Raise ModelError unless the table holds the family's parameters within their bounds."""
+    """Check that the table holds the family's parameters, within their bounds.
+
+    Raises
+    ------
+    ModelError
+        If it does not.
+    """
     if len(schedule.values) != len(family.parameters):
         raise ModelError(
             f"family {family.name} has {len(family.parameters)} parameters, the table {len(schedule.values)}"

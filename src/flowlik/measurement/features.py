@@ -21,7 +21,13 @@ def measure_features(
     seed: int = 0,
     signals: Iterable[str] = (),
 ) -> Measurements:
-    """Measure at a method's own corners, or at 4000 stratified pixels of a dense one."""
+    """Measure at a method's own corners, or at 4000 stratified pixels of a dense one.
+
+    Raises
+    ------
+    DataError
+        If the image is too small.
+    """
     pixels = None
     if isinstance(method, DenseFlow):
         pixels = stratified_pixels(previous.shape, DENSE_PIXELS, np.random.default_rng(seed))

@@ -105,6 +105,8 @@ def measure(
     ------
     DataError
         If the images differ in size or are not grey uint8, or pixels lie outside.
+    ModelError
+        If a signal is unknown.
     """
     check_pair(previous, current)
     flow_at = sampler(method, previous, current)
@@ -129,7 +131,13 @@ def attach_texture(
     method: FlowMethod,
     texture: TextureDefinition | None = None,
 ) -> Measurements:
-    """Measurements of flow (N, 2) [px] known at pixels (N, 2) of image k-1; NaN is left out."""
+    """Measurements of flow (N, 2) [px] known at pixels (N, 2) of image k-1; NaN is left out.
+
+    Raises
+    ------
+    DataError
+        If the image is not grey uint8, or smaller than the texture's window.
+    """
     texture = texture or TextureDefinition()
     known = np.asarray(np.isfinite(flow).all(axis=1))
     pixels, flow = np.asarray(pixels[known], np.float64), np.asarray(flow[known], np.float64)
@@ -142,6 +150,11 @@ def stratified_pixels(shape: tuple[int, int], count: int, rng: np.random.Generat
     """About `count` whole pixels (N, 2), one at random in each cell of a square grid over the image (H, W).
 
     The outermost `margin` pixels are left out.
+
+    Raises
+    ------
+    DataError
+        If the image is too small for so many.
     """
     height, width = shape[0] - 2 * margin, shape[1] - 2 * margin
     if min(height, width) < 1 or count < 1:

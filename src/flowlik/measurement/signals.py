@@ -98,7 +98,13 @@ it cannot be measured."""
 
 
 def signal(name: str) -> Callable[[Pair], Array]:
-    """Signal of a name; ModelError names the known ones."""
+    """Signal of a name.
+
+    Raises
+    ------
+    ModelError
+        If there is none of that name.
+    """
     if name not in SIGNALS:
         raise ModelError(f"unknown signal {name!r}: known are {', '.join(SIGNALS)}")
     return SIGNALS[name]

@@ -144,6 +144,11 @@ class Odometry:
         """Take the next image, as `step` does, and return the pair it makes with the one before.
 
         `step` is this, then `measure`, which may run beside an `advance`, and `advance`.
+
+        Raises
+        ------
+        DataError
+            If time does not advance, or an image does not fit the camera or the one before.
         """
         check_pair(image, image)
         size = f"{self.camera.width}x{self.camera.height}"

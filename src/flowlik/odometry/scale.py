@@ -65,6 +65,11 @@ class CameraHeight:
         Height of the camera over the road [m]; KITTI's is 1.65.
     pitch_rad : float
         Angle of the optical axis below the road's direction [rad].
+
+    Raises
+    ------
+    DataError
+        If the height is not positive.
     """
 
     height_m: float = 1.65

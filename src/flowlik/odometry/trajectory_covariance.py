@@ -57,6 +57,11 @@ def trajectory_covariance(timestamps: Array, motions: Sequence[EgoMotion]) -> Tr
         Times [s] of the frames.
     motions : sequence of N - 1 EgoMotion
         Of every frame after the first.
+
+    Raises
+    ------
+    DataError
+        If there is not one time more than motions.
     """
     if len(timestamps) != len(motions) + 1:
         raise DataError(f"{len(timestamps)} times for {len(motions)} motions, expected one more")
@@ -79,6 +84,11 @@ def write_covariance_csv(path: Path | str, covariance: TrajectoryCovariance) -> 
 
     ``pose_rx_tz`` is the covariance of rotation about x [rad] and translation along z [m] of the pose, and so
     on; ``nan`` where a direction is not determined.
+
+    Raises
+    ------
+    DataError
+        If the place cannot be written to.
     """
     rows, columns = np.array(PAIRS).T
     with atomic_write(path) as file:
@@ -118,7 +128,13 @@ def read_covariance_csv(path: Path | str) -> TrajectoryCovariance:
 
 
 def write_trajectory_npz(path: Path | str, trajectory: Trajectory, covariance: TrajectoryCovariance) -> None:
-    """Write ``timestamps_s`` (N,), ``T_n_c`` (N, 4, 4), ``pose_covariance`` and ``motion_covariance``."""
+    """Write ``timestamps_s`` (N,), ``T_n_c`` (N, 4, 4), ``pose_covariance`` and ``motion_covariance``.
+
+    Raises
+    ------
+    DataError
+        If the place cannot be written to.
+    """
     with atomic_write(path, "wb") as file:
         np.savez_compressed(
             file,
@@ -130,7 +146,13 @@ def write_trajectory_npz(path: Path | str, trajectory: Trajectory, covariance: T
 
 
 def write_covariance(folder: Path, trajectory: Trajectory, motions: Sequence[EgoMotion]) -> None:
-    """Write ``covariance.csv`` and ``trajectory.npz`` of a trajectory chained from motions."""
+    """Write ``covariance.csv`` and ``trajectory.npz`` of a trajectory chained from motions.
+
+    Raises
+    ------
+    DataError
+        If there is not one time more than motions, or the place cannot be written to.
+    """
     covariance = trajectory_covariance(trajectory.timestamps, motions)
     write_covariance_csv(folder / "covariance.csv", covariance)
     write_trajectory_npz(folder / "trajectory.npz", trajectory, covariance)

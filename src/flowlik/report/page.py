@@ -57,7 +57,13 @@ class Picture:
 
 
 def write_report(folder: Path) -> Path:
-    """Draw a run's figures and write its page; see :func:`flowlik.report.build`."""
+    """Draw a run's figures and write its page; see :func:`flowlik.report.build`.
+
+    Raises
+    ------
+    DataError
+        If it is not the folder of a run, a file in it is damaged, or the place cannot be written to.
+    """
     run = read_run(folder)
     sections: dict[str, list[tuple[int, Picture]]] = {}
     skipped = []
@@ -125,7 +131,13 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
 
 
 def write_figure(figure: Rendered, stem: Path) -> tuple[Path, Path]:
-    """Write both files of a figure, whole or not at all."""
+    """Write both files of a figure, whole or not at all.
+
+    Raises
+    ------
+    DataError
+        If the place cannot be written to.
+    """
     png, svg = (stem.with_name(f"{stem.name}.{suffix}") for suffix in ("png", "svg"))
     for path, content in ((png, figure.png), (svg, figure.svg)):
         with atomic_write(path, "wb") as file:

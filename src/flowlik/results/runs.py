@@ -77,7 +77,13 @@ class RunFolder:
         return self.path
 
     def save(self, kind: str, label: str, arrays: Mapping[str, ArrayLike]) -> None:
-        """Write the arrays of one figure to ``data/<kind>--<label>.npz``."""
+        """Write the arrays of one figure to ``data/<kind>--<label>.npz``.
+
+        Raises
+        ------
+        DataError
+            If the place cannot be written to.
+        """
         path = self.begin() / "data" / f"{kind}--{label}.npz"
         with atomic_write(path, "wb") as file:
             contents: Any = {name: np.asarray(value) for name, value in arrays.items()}

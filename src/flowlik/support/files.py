@@ -49,6 +49,8 @@ def atomic_write(path: Path | str, mode: str = "w") -> Iterator[IO[Any]]:
     ------
     DataError
         If the place cannot be written to, or is full.
+    ValueError
+        If the mode is another.
     """
     if mode not in ("w", "wb"):
         raise ValueError(f"mode must be 'w' or 'wb', not {mode!r}")
@@ -79,6 +81,8 @@ def write_json(path: Path | str, value: Any) -> None:
     ------
     ValueError
         If the value holds NaN or infinity, which JSON does not have.
+    DataError
+        If the place cannot be written to.
     """
     text = json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False)
     with atomic_write(path) as file:
@@ -93,15 +97,15 @@ def read_json(path: Path | str) -> Any:
     DataError
         If the file is missing, unreadable, or not JSON.
     """
-
-    def refuse(constant: str) -> None:
-        raise ValueError(f"{constant} is not JSON")
-
     text = read_text(path)
     try:
-        return json.loads(text, parse_constant=refuse)
+        return json.loads(text, parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
         raise DataError(f"{path}: not valid JSON ({error})") from error
+
+
+def _refuse(constant: str) -> None:
+    raise ValueError(f"{constant} is not JSON")
 
 
 def read_text(path: Path | str) -> str:
@@ -205,7 +209,13 @@ def read_table(path: Path | str, columns: int, layout: str) -> tuple[NDArray[np.
 
 
 def numbers(words: list[str], where: str) -> list[float]:
-    """Words as finite numbers; a DataError that begins with ``where`` names the first one that is not."""
+    """Words as finite numbers; ``where`` begins the message of an error.
+
+    Raises
+    ------
+    DataError
+        If one is not; names the first.
+    """
     values = []
     for word in words:
         try:

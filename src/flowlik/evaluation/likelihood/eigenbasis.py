@@ -100,7 +100,7 @@ def eigenbasis_cost(
         If the reservoirs lack a covariate of the other component.
     """
     rows, index = Reservoir.of(blocks), likelihood.schedule.index
-    ratio = texture_ratio(rows)
+    ratio = _texture_ratio(rows)
     x = rows.x(index)
     pooled = x + 0.5 * ratio**power * (index.combine(of_other_component(rows, index)) - x)
     bins = np.clip(np.digitize(ratio, edges) - 1, 0, len(edges) - 2)
@@ -123,9 +123,14 @@ def own_table_gain(
     Both tables, over the model's index and of its family, are fitted to one half of the raw components and
     scored on the other. The gain bounds what any remedy at t2/t1 near 1 can do that leaves x one-dimensional;
     NaN where there are too few components to fit.
+
+    Raises
+    ------
+    CalibrationError
+        If the sketch does not keep t2/t1, or a fit fails.
     """
     rows, index, family = Reservoir.of(blocks), likelihood.schedule.index, likelihood.family
-    ratio, first = texture_ratio(rows), rng.random(len(rows.z)) < 0.5
+    ratio, first = _texture_ratio(rows), rng.random(len(rows.z)) < 0.5
 
     def fitted(chosen: NDArray[np.bool_]) -> FlowLikelihood:
         part = rows.select(chosen)
@@ -160,7 +165,7 @@ def eigenbasis_records(cost: EigenbasisCost, record: Recorder, note: str) -> lis
     ]
 
 
-def texture_ratio(rows: Reservoir) -> Array:
+def _texture_ratio(rows: Reservoir) -> Array:
     """t2/t1 (N,) of the vector that each component belongs to."""
     if "texture-across" not in rows.covariates:
         raise CalibrationError("the sketch keeps no texture-across: t2/t1 is not known")
@@ -169,7 +174,13 @@ def texture_ratio(rows: Reservoir) -> Array:
 
 
 def of_other_component(rows: Reservoir, index: Index) -> dict[str, Array]:
-    """Covariates (N,) of the other component of each component's vector, as far as an index needs them."""
+    """Covariates (N,) of the other component of each component's vector, as far as an index needs them.
+
+    Raises
+    ------
+    CalibrationError
+        If the sketch keeps too little of it.
+    """
     missing = set(kept_for_eigenbasis(index)) - set(rows.covariates)
     if missing:
         raise CalibrationError(f"the sketch keeps no {', '.join(sorted(missing))} of the other component")

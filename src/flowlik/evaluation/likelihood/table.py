@@ -33,7 +33,13 @@ Kinds = Seq[Seq[ErrorSketch]]
 
 
 def blocks_over(kinds: Kinds, likelihood: FlowLikelihood) -> Seq[ErrorSketch]:
-    """Blocks over a model's own index; CalibrationError if there are none."""
+    """Blocks over a model's own index.
+
+    Raises
+    ------
+    CalibrationError
+        If there are none.
+    """
     index = likelihood.schedule.index
     for blocks in kinds:
         if blocks and blocks[0].index == index:
@@ -119,6 +125,11 @@ def every_record(
         Each flow's errors, once over each index that its models have.
     dataset, seed, least_components, least_frames, **keys
         As in `model_records`.
+
+    Raises
+    ------
+    CalibrationError
+        If there is no sketch over a model's index.
     """
     return [
         record
@@ -165,6 +176,11 @@ def figures(
         What a texture level needs to be counted.
     floor : KolmogorovSmirnov, optional
         Of `held_out_floor`.
+
+    Raises
+    ------
+    CalibrationError
+        If there is no sketch over a model's index.
     """
     blocks = {name: blocks_over(kinds, model) for name, model in models.items()}
     merged = {id(kind): merge_all(kind) for kind in blocks.values()}

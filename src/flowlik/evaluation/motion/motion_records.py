@@ -55,6 +55,11 @@ def trajectory_records(
         Keys of the records.
     **keys
         Keys of the protocol, such as ``scale``.
+
+    Raises
+    ------
+    DataError
+        If the true path has no length, or the trajectories differ in length.
     """
     note = protocol(align="none", **keys, frames=len(truth))
 

@@ -23,7 +23,13 @@ FAMILIES: dict[str, ErrorFamily] = {
 
 
 def error_family(name: str) -> ErrorFamily:
-    """Family of a name; ModelError names the known ones."""
+    """Family of a name.
+
+    Raises
+    ------
+    ModelError
+        If there is none of that name.
+    """
     if name not in FAMILIES:
         raise ModelError(f"unknown error family {name!r}: known are {', '.join(FAMILIES)}")
     return FAMILIES[name]
