@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from flowlik.commands.kitti import find_table_sequences, kitti_table
+from flowlik.commands.options import KittiOptions
 from flowlik.results.records import Record, select
 from flowlik.support.progress import terminal_progress
 
@@ -39,7 +40,8 @@ def main() -> None:
     names = tuple(options.sequences or find_table_sequences(options.data))
     frames = QUICK_FRAMES if options.quick else options.frames
     run = kitti_table(
-        options.data, options.model, options.out, names, frames, options.start,
+        options.data, options.model, options.out,
+        KittiOptions(sequences=names, frames=frames, start=options.start),
         command="flowlik reproduce --kitti", progress=terminal_progress,
     )  # fmt: skip
     for dataset in dict.fromkeys(r.dataset for r in run.records):

@@ -2,6 +2,7 @@ import cv2
 import pytest
 
 from flowlik.commands.kitti import kitti_table
+from flowlik.commands.options import KittiOptions
 from flowlik.datasets.kitti import find_sequences
 from flowlik.errors import DataError
 from flowlik.flow.base import describe
@@ -57,6 +58,6 @@ def test_the_table_has_all_rows_and_the_published_figures(root, model, tmp_path)
 
 def test_a_folder_without_them_says_so(root, model, tmp_path):
     with pytest.raises(DataError, match="none of the sequences 03"):
-        kitti_table(root, model, tmp_path / "run", ("03",))
+        kitti_table(root, model, tmp_path / "run", KittiOptions(sequences=("03",)))
     with pytest.raises(DataError, match="no KITTI odometry sequence"):
         find_sequences(tmp_path)

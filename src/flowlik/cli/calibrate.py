@@ -22,6 +22,7 @@ from flowlik.cli.options import (
     command_line,
     show_run,
 )
+from flowlik.commands.options import CalibrateOptions
 
 
 def run(
@@ -34,18 +35,18 @@ def run(
             help="Family of the model: glc, lcm (the paper's), log-logistic, gaussian, ...",
             autocompletion=complete.one_of(complete.FAMILIES),
         ),
-    ] = "glc",
+    ] = CalibrateOptions.family,
     schedule: Annotated[
         str,
         typer.Option(
             help="What its parameters depend on: index (learned), texture (the paper's), flow, constant.",
             autocompletion=complete.one_of(complete.SCHEDULES),
         ),
-    ] = "index",
+    ] = CalibrateOptions.schedule,
     format: Format = None,
     camera: Camera = None,
     seed: Seed = 0,
-    executor: Executor = "serial",
+    executor: Executor = CalibrateOptions.executor,
     workers: Workers = None,
     scheduler: Scheduler = None,
     keep_sketches: KeepSketches = False,
@@ -56,21 +57,18 @@ def run(
     Example: `flowlik calibrate data --method lucas-kanade --out calibration`
     """
     from flowlik.commands.calibrate import calibrate
-    from flowlik.commands.sketching import Execution
     from flowlik.support.progress import terminal_progress
 
-    execution = Execution(executor, workers, scheduler, keep_sketches)
-    result = calibrate(
-        data,
-        method,
-        out,
-        family,
-        schedule,
-        format,
-        seed,
-        command_line(),
-        terminal_progress,
-        execution,
-        camera,
+    options = CalibrateOptions(
+        family=family,
+        schedule=schedule,
+        format=format,
+        camera=camera,
+        seed=seed,
+        executor=executor,
+        workers=workers,
+        scheduler=scheduler,
+        keep_sketches=keep_sketches,
     )
-    show_run(result, json)
+    run = calibrate(data, method, out, options, command=command_line(), progress=terminal_progress)
+    show_run(run, json)

@@ -21,6 +21,7 @@ from flowlik.cli.options import (
     command_line,
     show_run,
 )
+from flowlik.commands.options import EvaluateOptions
 
 
 def run(
@@ -31,7 +32,7 @@ def run(
     camera: Camera = None,
     method: Method = None,
     seed: Seed = 0,
-    executor: Executor = "serial",
+    executor: Executor = EvaluateOptions.executor,
     workers: Workers = None,
     scheduler: Scheduler = None,
     keep_sketches: KeepSketches = False,
@@ -42,11 +43,16 @@ def run(
     Example: `flowlik evaluate calibration/models/lucas-kanade.json other --out evaluation`
     """
     from flowlik.commands.evaluate import evaluate
-    from flowlik.commands.sketching import Execution
     from flowlik.support.progress import terminal_progress
 
-    execution = Execution(executor, workers, scheduler, keep_sketches)
-    run = evaluate(
-        model, data, out, format, method, seed, command_line(), terminal_progress, execution, camera
+    options = EvaluateOptions(
+        method=method,
+        format=format,
+        camera=camera,
+        seed=seed,
+        executor=executor,
+        workers=workers,
+        scheduler=scheduler,
+        keep_sketches=keep_sketches,
     )
-    show_run(run, json)
+    show_run(evaluate(model, data, out, options, command=command_line(), progress=terminal_progress), json)

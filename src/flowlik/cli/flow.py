@@ -9,6 +9,7 @@ import typer
 
 from flowlik.cli import complete
 from flowlik.cli.options import Camera, Json, Method, Out, Recording, View, command_line, show_run
+from flowlik.commands.options import FlowOptions
 
 
 def run(
@@ -26,7 +27,7 @@ def run(
     out: Out,
     truth: Annotated[Path | None, typer.Option(help="True flow: .flo, KITTI .png or .npy.")] = None,
     method: Method = None,
-    confidence: Annotated[float, typer.Option(help="Confidence of the intervals.")] = 0.9,
+    confidence: Annotated[float, typer.Option(help="Confidence of the intervals.")] = FlowOptions.confidence,
     camera: Camera = None,
     view: View = False,
     record: Recording = False,
@@ -42,7 +43,7 @@ def run(
     """
     from flowlik.commands.flow import flow
 
-    show_run(
-        flow(previous, current, model, out, truth, method, confidence, command_line(), camera, view, record),
-        json,
+    options = FlowOptions(
+        truth=truth, method=method, confidence=confidence, camera=camera, view=view, record=record
     )
+    show_run(flow(previous, current, model, out, options, command=command_line()), json)

@@ -23,6 +23,7 @@ from flowlik.cli.options import (
     command_line,
     show_run,
 )
+from flowlik.commands.options import OdometryOptions
 
 
 def run(
@@ -33,7 +34,7 @@ def run(
     estimator: Annotated[
         str,
         typer.Option(help="lcmsac, mle or ransac.", autocompletion=complete.one_of(complete.ESTIMATORS)),
-    ] = "lcmsac",
+    ] = OdometryOptions.estimator,
     residual: Annotated[
         str | None,
         typer.Option(
@@ -47,14 +48,16 @@ def run(
             help="Without depth: none, truth-norm, gps-norm, camera-height or stereo.",
             autocompletion=complete.one_of(complete.SCALES),
         ),
-    ] = "none",
-    height: Annotated[float, typer.Option(help="Height of the camera over the road [m].")] = 1.65,
+    ] = OdometryOptions.scale,
+    height_m: Annotated[
+        float, typer.Option("--height", help="Height of the camera over the road [m].")
+    ] = OdometryOptions.height_m,
     self_calibrate: Annotated[
         bool, typer.Option("--self-calibrate", help="Refine the camera's intrinsics from the images.")
     ] = False,
     boresight: Annotated[
         str, typer.Option(help="none, or causal: turn motions into the frame of the true poses.")
-    ] = "none",
+    ] = OdometryOptions.boresight,
     gate: Annotated[float | None, typer.Option(help="Texture gate [intensity²/px²].")] = None,
     frames: Annotated[int | None, typer.Option(min=2, help="Only the first so many frames.")] = None,
     start: Annotated[int, typer.Option(min=0, help="First frame.")] = 0,
@@ -86,12 +89,29 @@ def run(
     from flowlik.commands.odometry import odometry
     from flowlik.support.progress import terminal_progress
 
-    result = odometry(
-        data, out, model, method, estimator, residual, scale, height, self_calibrate, boresight, gate, frames,
-        format, seed, command_line(), terminal_progress, camera, frames_per_second,
-        start, skip_bad_frames,
-        topic, bag, view, record,
-    )  # fmt: skip
+    options = OdometryOptions(
+        model=model,
+        method=method,
+        estimator=estimator,
+        residual=residual,
+        scale=scale,
+        height_m=height_m,
+        self_calibrate=self_calibrate,
+        boresight=boresight,
+        gate=gate,
+        frames=frames,
+        start=start,
+        skip_bad_frames=skip_bad_frames,
+        format=format,
+        camera=camera,
+        frames_per_second=frames_per_second,
+        topic=topic,
+        bag=bag,
+        view=view,
+        record=record,
+        seed=seed,
+    )
+    result = odometry(data, out, options, command=command_line(), progress=terminal_progress)
     show_run(result, json)
-    if result.config["scale"] == "none":
+    if (result.config["residual"], scale) == ("epipolar", "none"):
         typer.echo("no scale: each motion counts 1, so lengths have no unit; see --scale", err=True)

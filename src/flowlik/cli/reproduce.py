@@ -37,16 +37,15 @@ def run(
 
     if kitti is not None:
         from flowlik.commands.kitti import kitti_table
+        from flowlik.commands.options import KittiOptions
 
         if model is None:
             raise DataError(
                 "--kitti needs --model, a shipped model's name or a file that `flowlik calibrate` makes"
             )
-        frames = 60 if quick else None
-        show_run(
-            kitti_table(kitti, model, out, frames=frames, command=command_line(), progress=terminal_progress),
-            json,
-        )
+        options = KittiOptions(frames=60 if quick else None)
+        command = command_line()
+        show_run(kitti_table(kitti, model, out, options, command=command, progress=terminal_progress), json)
         return
     if quick == full:
         raise DataError("say which size: flowlik reproduce --quick, or --full")

@@ -9,6 +9,7 @@ import typer
 
 from flowlik.cli import complete
 from flowlik.cli.options import Json, Seed
+from flowlik.commands.options import SimulateOptions
 
 
 def run(
@@ -25,11 +26,13 @@ def run(
         typer.Option(
             help="straight, curve, training, forest-fig8, hover, or a pose file in KITTI's or TUM's format."
         ),
-    ] = "straight",
+    ] = SimulateOptions.trajectory,
     frames: Annotated[
         int | None, typer.Option(min=2, help="Number of images; default: 300, or all of a pose file.")
     ] = None,
-    speed: Annotated[float, typer.Option(help="Speed [m/s] of a named trajectory.")] = 6.0,
+    speed: Annotated[
+        float, typer.Option(help="Speed [m/s] of a named trajectory.")
+    ] = SimulateOptions.speed_mps,
     fps: Annotated[
         float | None,
         typer.Option(help="Frames a second; default: 10 in driving, else 60; a pose file's own times."),
@@ -59,21 +62,19 @@ def run(
     from flowlik.simulation.scenario import camera_of
     from flowlik.support.progress import terminal_progress
 
-    folder = simulate(
-        world,
-        trajectory,
-        out,
-        frames,
-        speed,
-        seed,
-        camera_of(world, width, height, fov),
-        fps,
-        start,
-        stereo_baseline,
-        traffic,
-        sensor,
-        terminal_progress,
+    options = SimulateOptions(
+        trajectory=trajectory,
+        frames=frames,
+        speed_mps=speed,
+        seed=seed,
+        camera=camera_of(world, width, height, fov),
+        frames_per_second=fps,
+        start=start,
+        baseline_m=stereo_baseline,
+        traffic=traffic,
+        sensor=sensor,
     )
+    folder = simulate(world, out, options, progress=terminal_progress)
     if json:
         import json as json_module
 

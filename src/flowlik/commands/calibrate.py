@@ -26,7 +26,8 @@ from flowlik.calibration import (
     spread_pairs,
     with_shared_errors,
 )
-from flowlik.commands.sketching import Execution, sketch_for_run
+from flowlik.commands.options import CalibrateOptions
+from flowlik.commands.sketching import sketch_for_run
 from flowlik.datasets import open_sequence
 from flowlik.evaluation.likelihood import evidence, table
 from flowlik.evaluation.likelihood.bias import bias_records
@@ -44,21 +45,16 @@ from flowlik.support.progress import Progress, no_progress
 
 BAND_REPLICATES = 12
 SHARED_PAIRS = 60
-BEST_FAMILY, BEST_SCHEDULE = "glc", "index"
 
 
 def calibrate(
     data: Sequence[Path],
     method: str,
     out: Path,
-    family: str = BEST_FAMILY,
-    schedule: str = BEST_SCHEDULE,
-    format: str | None = None,
-    seed: int = 0,
+    options: CalibrateOptions = CalibrateOptions(),  # noqa: B008
+    *,
     command: str = "flowlik calibrate",
     progress: Progress = no_progress,
-    execution: Execution = Execution(),  # noqa: B008
-    camera: str | None = None,
 ) -> RunFolder:
     """Calibrate a flow method on sequences with true flow.
 
@@ -70,22 +66,12 @@ def calibrate(
         A flow method's name, as `flowlik.flow_method` takes it.
     out : Path
         Run folder; the model is ``models/<method>.json``, with the method's `method_label`.
-    family : str
-        Family of the saved model; all are fitted, for comparison.
-    schedule : str
-        Schedule of the saved model, one of `flowlik.calibration.SCHEDULES`; the paper's is ``"texture"``.
-    format : str, optional
-        Data format; guessed by default.
-    seed : int
-        Seed of pixels and reservoirs.
+    options : CalibrateOptions
+        How; the run records them.
     command : str
         Command line that repeats the run.
     progress : Progress
         Told how far it is.
-    execution : Execution
-        Where to measure, and whether to keep the sketches.
-    camera : str, optional
-        As `flowlik.open_sequence` takes it, for data without a camera of its own.
 
     Returns
     -------
@@ -99,14 +85,12 @@ def calibrate(
     """
     flow = flow_method(method)
     label = method_label(describe(flow))
+    family, schedule, seed = options.family, options.schedule, options.seed
     error_family(family)
     check_schedule(schedule)
-    config = {
-        "data": [str(d) for d in data], "method": method, "family": family, "schedule": schedule,
-        "camera": camera,
-    }  # fmt: skip
+    config = {"data": [str(folder) for folder in data], "method": method, **options.asdict()}
     run = RunFolder(out, command, config, seed)
-    sequences = [open_sequence(folder, format, camera) for folder in data]
+    sequences = [open_sequence(folder, options.format, options.camera) for folder in data]
     # signals cost more flow, and flow on disk may have none
     keep = index_form(flow).covariates if schedule == "index" else ()
     task = Task(flow, (Index(), FLOW_INDEX), keep)
@@ -115,7 +99,7 @@ def calibrate(
     for number, sequence in enumerate(sequences):
         blocks = split_blocks(sequence, seed)
         found = sketch_for_run(
-            run, blocks, [task], f"{label} on {sequence.name}, blocks of pairs", execution, progress,
+            run, blocks, [task], f"{label} on {sequence.name}, blocks of pairs", options, progress,
             f"sketches-{number}", dataset=sequence.name, flow=label,
         )  # fmt: skip
         populations.append(gather(found, len(blocks), most))
@@ -145,7 +129,7 @@ def calibrate(
         bands = bootstrap(blocks_of_chosen, chosen.family, chosen.schedule, rng, BAND_REPLICATES, smoothing)
     run.save("table", label, evidence.table(merge_all(blocks_of_chosen), chosen, bands))
     spread = [b for s in sequences for b in spread_pairs(s, max(2, SHARED_PAIRS // len(sequences)), seed)]
-    with executor(execution.executor, execution.workers, execution.scheduler) as block_map:
+    with executor(options.executor, options.workers, options.scheduler) as block_map:
         pairs = measured_pairs(
             spread, flow, chosen.texture, chosen.signals,
             lambda work, *items: progress(block_map(work, *items), "what errors share", len(spread)),

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from flowlik.calibration import Task, gather, split_blocks
 from flowlik.commands.calibrate import add_evidence
-from flowlik.commands.sketching import Execution, sketch_for_run
+from flowlik.commands.options import EvaluateOptions
+from flowlik.commands.sketching import sketch_for_run
 from flowlik.datasets import open_sequence
 from flowlik.errors import DataError
 from flowlik.evaluation.likelihood.eigenbasis import kept_for_eigenbasis
@@ -22,13 +23,10 @@ def evaluate(
     model: Path,
     data: Sequence[Path],
     out: Path,
-    format: str | None = None,
-    method: str | None = None,
-    seed: int = 0,
+    options: EvaluateOptions = EvaluateOptions(),  # noqa: B008
+    *,
     command: str = "flowlik evaluate",
     progress: Progress = no_progress,
-    execution: Execution = Execution(),  # noqa: B008
-    camera: str | None = None,
 ) -> RunFolder:
     """Evaluate a model on sequences with true flow: all that `add_evidence` tells.
 
@@ -40,20 +38,12 @@ def evaluate(
         Folders of sequences the model was not calibrated on.
     out : Path
         Run folder.
-    format : str, optional
-        Data format; guessed by default.
-    method : str, optional
-        May only confirm the model's flow method; must, where that is an object or flow on disk.
-    seed : int
-        Seed of pixels and of the bootstrap.
+    options : EvaluateOptions
+        How; the run records them.
     command : str
         Command line that repeats the run.
     progress : Progress
         Told how far it is.
-    execution : Execution
-        Where to measure, and whether to keep the sketches.
-    camera : str, optional
-        As `flowlik.open_sequence` takes it, for data without a camera of its own.
 
     Raises
     ------
@@ -61,16 +51,16 @@ def evaluate(
         If a sequence cannot be read, lacks its truth, or has no errors to evaluate.
     """
     likelihood = load_likelihood(model)
-    flow = confirmed_method(likelihood.method or {}, method)
+    flow = confirmed_method(likelihood.method or {}, options.method)
     index = likelihood.schedule.index
-    config = {"model": str(model), "data": [str(d) for d in data], "camera": camera}
-    run = RunFolder(out, command, config, seed)
+    config = {"model": str(model), "data": [str(folder) for folder in data], **options.asdict()}
+    run = RunFolder(out, command, config, options.seed)
     for number, folder in enumerate(data):
-        sequence = open_sequence(folder, format, camera)
-        blocks = split_blocks(sequence, seed)
+        sequence = open_sequence(folder, options.format, options.camera)
+        blocks = split_blocks(sequence, options.seed)
         task = Task(flow, (index,), kept_for_eigenbasis(index), likelihood.texture)
         found = sketch_for_run(
-            run, blocks, [task], f"errors on {sequence.name}, blocks of pairs", execution, progress,
+            run, blocks, [task], f"errors on {sequence.name}, blocks of pairs", options, progress,
             f"sketches-{number}", dataset=sequence.name, flow=method_label(likelihood.method or {}),
         )  # fmt: skip
         sketches = [s for kind in gather(found, len(blocks)) for s in kind]
@@ -78,6 +68,6 @@ def evaluate(
             raise DataError(f"{sequence.name}: no errors to evaluate (one image, no texture or no truth?)")
         label = f"{method_label(likelihood.method or {})}-{sequence.name.replace('/', '-')}"
         models = {likelihood.family.name: likelihood}
-        add_evidence(run, sketches, models, sequence.name, label, seed, 10_000, 1, split="evaluation")
+        add_evidence(run, sketches, models, sequence.name, label, options.seed, 10_000, 1, split="evaluation")
     finish(run)
     return run

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flowlik.commands.options import FlowOptions
 from flowlik.datasets.base import read_grey
 from flowlik.datasets.flow_files import KITTI_MOST_PX, read_flow, write_flo, write_kitti_flow
 from flowlik.datasets.intrinsics import CameraLike, given_camera, read_if_file
@@ -36,13 +37,9 @@ def flow(
     current: Path,
     model: Path,
     out: Path,
-    truth: Path | None = None,
-    method: str | None = None,
-    confidence: float = 0.9,
+    options: FlowOptions = FlowOptions(),  # noqa: B008
+    *,
     command: str = "flowlik flow",
-    camera: str | None = None,
-    view: bool = False,
-    record: bool = False,
 ) -> RunFolder:
     """Measure the flow between two images and draw its uncertainty.
 
@@ -55,18 +52,10 @@ def flow(
     out : Path
         Run folder: report, figure, ``flow.npz`` with pixels, flow, half-widths and eigenbasis, and as images
         ``flow.flo``, ``flow.png`` (KITTI's) and ``uncertainty.png`` (`flowlik.datasets.uncertainty_file`).
-    truth : Path, optional
-        True flow (.flo, KITTI PNG or .npy), to report coverage.
-    method : str, optional
-        May only confirm the model's method; must, where that is an object or flow on disk.
-    confidence : float
-        Of the intervals drawn.
+    options : FlowOptions
+        How; the run records them.
     command : str
         Command line that repeats the run.
-    camera : str, optional
-        A camera file: both images are undistorted first. Without distortion a camera changes nothing.
-    view, record : bool
-        Show it live in the rerun viewer; record it as ``view.rrd``.
 
     Raises
     ------
@@ -76,18 +65,19 @@ def flow(
         If the model is for another method than the one given.
     """
     likelihood = load_likelihood(model)
-    chosen = confirmed_method(likelihood.method or {}, method)
-    lens = None if camera is None else read_if_file(camera)
+    chosen = confirmed_method(likelihood.method or {}, options.method)
+    lens = None if options.camera is None else read_if_file(options.camera)
     image, following = (_undistorted(read_grey(path), lens) for path in (previous, current))
     signals = likelihood.signals
     m = measure(image, following, chosen, likelihood.texture, signals=signals)
     if not len(m):
         raise DataError(f"{previous}: no flow vector could be measured (no texture?)")
-    true_flow = None if truth is None else _read_truth(truth, image.shape)
-    run = RunFolder(out, command, {"model": str(model), "confidence": confidence, "method": describe(chosen)})
+    true_flow = None if options.truth is None else _read_truth(options.truth, image.shape)
+    config = {"images": [str(previous), str(current)], "model": str(model), **options.asdict()}
+    run = RunFolder(out, command, {**config, "flow": describe(chosen)})
 
-    shown = viewer(view, run.begin() / "view.rrd" if record else None)
-    x = likelihood.coordinate(m)
+    shown = viewer(options.view, run.begin() / "view.rrd" if options.record else None)
+    x, confidence = likelihood.coordinate(m), options.confidence
     half_width = likelihood.bound(x, confidence)
     run.records = _records(
         m, likelihood, half_width, confidence, true_flow, f"{previous.name} to {current.name}"

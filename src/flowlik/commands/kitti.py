@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from flowlik.commands.options import KittiOptions
 from flowlik.comparison.drive_records import drive_figures, drive_records
 from flowlik.comparison.drives import run_drive
 from flowlik.datasets.base import ImageSequence
@@ -19,7 +21,6 @@ from flowlik.results.records import Record, protocol
 from flowlik.results.runs import RunFolder
 from flowlik.support.progress import Progress, no_progress
 
-TABLE_III = ("00", "01", "03")
 PUBLISHED = {
     "lcmsac-paper": {"00": 0.655, "01": 0.942, "03": 0.536},
     "voldor": {"00": 1.09, "01": 2.31, "03": 1.46},
@@ -31,10 +32,8 @@ def kitti_table(
     data: Path,
     model: Path,
     out: Path,
-    sequences: tuple[str, ...] = TABLE_III,
-    frames: int | None = None,
-    start: int = 0,
-    seed: int = 0,
+    options: KittiOptions = KittiOptions(),  # noqa: B008
+    *,
     command: str = "flowlik reproduce --kitti",
     progress: Progress = no_progress,
 ) -> RunFolder:
@@ -52,14 +51,8 @@ def kitti_table(
         Model file, calibrated in simulation.
     out : Path
         Run folder.
-    sequences : tuple of str
-        Names; those that are not there are left out.
-    frames : int, optional
-        Only so many of each.
-    start : int
-        First frame of each: a cold start there.
-    seed : int
-        Seed of samples.
+    options : KittiOptions
+        Which sequences, and how much of them; the run records them, with the sequences that are there.
     command : str
         Command line that repeats the run.
     progress : Progress
@@ -72,16 +65,15 @@ def kitti_table(
     """
     likelihood = load_likelihood(model)
     found = find_table_sequences(data)
-    there = [name for name in sequences if name in found]
+    there = tuple(name for name in options.sequences if name in found)
     if not there:
-        raise DataError(
-            f"{data}: none of the sequences {', '.join(sequences)} (there are {', '.join(found)})"
-        )
-    config = {"sequences": there, "frames": frames, "start": start, "model": model.name}
-    run = RunFolder(out, command, config, seed)
+        asked = ", ".join(options.sequences)
+        raise DataError(f"{data}: none of the sequences {asked} (there are {', '.join(found)})")
+    config = {"model": model.name, **replace(options, sequences=there).asdict()}
+    run = RunFolder(out, command, config, options.seed)
     for name in there:
-        sequence, _ = select_frames(found[name](), start, frames)
-        drive = run_drive(sequence, likelihood, None, seed, progress=progress)
+        sequence, _ = select_frames(found[name](), options.start, options.frames)
+        drive = run_drive(sequence, likelihood, None, options.seed, progress=progress)
         run.records += drive_records(drive)
         for kind, arrays in drive_figures(drive).items():
             run.save(kind, drive.sequence.replace("/", "-"), arrays)

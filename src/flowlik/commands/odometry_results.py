@@ -1,50 +1,112 @@
-"""Records and figures of `flowlik odometry`."""
+"""Records, figures and warnings of `flowlik odometry`."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.spatial.transform import RigidTransform
 
-from flowlik.datasets.base import ImageSequence
-from flowlik.datasets.selection import Skipped
-from flowlik.egomotion import EgoMotion, Estimator
+from flowlik.commands.options import OdometryOptions
+from flowlik.datasets.selection import Selection, Skipped
+from flowlik.egomotion import EgoMotion
+from flowlik.evaluation.likelihood.evidence import outside_warning
+from flowlik.evaluation.motion.data_check import Agreement, disagreement_warning
 from flowlik.evaluation.motion.drift import relative_pose_errors
 from flowlik.evaluation.motion.motion_records import status_records, trajectory_records
 from flowlik.flow import describe, method_label
-from flowlik.flow.base import FlowMethod
 from flowlik.geometry.trajectory import Trajectory
-from flowlik.results.records import Record, protocol
+from flowlik.measurement.features import features_of
+from flowlik.odometry.odometry import Odometry
+from flowlik.results.records import Record, protocol, select
 from flowlik.results.runs import RunFolder
 
 
-def run_records(
-    sequence: ImageSequence,
-    estimated: Trajectory,
-    truth: Trajectory | None,
-    motions: list[EgoMotion],
-    estimator: Estimator,
-    flow: FlowMethod,
-    seed: int,
-    keys: dict[str, object],
-    seconds: float,
-) -> list[Record]:
+@dataclass(frozen=True)
+class Flown:
+    """What an odometry made of a sequence.
+
+    Attributes
+    ----------
+    sequence : Selection
+        Its frames.
+    robot : Odometry
+        The odometry, at the last frame.
+    truth : Trajectory or None
+        True poses, where there are any.
+    motions : list of EgoMotion
+        Of every frame after the first.
+    agreements : list of Agreement
+        How well images and true poses fit, of every such frame where there is truth.
+    seconds : float
+        What it took.
+    """
+
+    sequence: Selection
+    robot: Odometry
+    truth: Trajectory | None
+    motions: list[EgoMotion]
+    agreements: list[Agreement]
+    seconds: float
+
+    @property
+    def estimated(self) -> Trajectory:
+        """The poses found."""
+        return Trajectory(np.array(self.robot.timestamps), RigidTransform.concatenate(self.robot.poses))
+
+    @property
+    def flow(self) -> str:
+        """Name of the flow method in results."""
+        return method_label(describe(self.robot.method))
+
+
+def report_odometry(run: RunFolder, flown: Flown, options: OdometryOptions, skipped: list[Skipped]) -> None:
+    """Add records, figures and warnings to a run; the options' residual is the one chosen."""
+    name, scale = flown.sequence.name, "depth" if options.residual == "depth" else options.scale
+    run.records = _records(flown, options, scale)
+    _save_figures(run, flown, metric=scale != "none")
+    (outside,) = select(run.records, metric="outside_fraction")
+    if options.skip_bad_frames:
+        count = float(len(skipped))
+        run.records.append(
+            replace(run.records[0], metric="skipped_frames", value=count, unit="", count=None, protocol="")
+        )
+    if message := disagreement_warning(name, flown.sequence.frames[1:], flown.agreements):
+        run.warn(message)
+    for bad in skipped:
+        run.warn(f"{name}: frame {bad.frame} skipped: {bad.reason}")
+    if message := outside_warning(outside.value or 0.0, name):
+        run.warn(message)
+    if predicted := sum(motion.predicted for motion in flown.motions):
+        run.warn(
+            f"{name}: {predicted} of {len(flown.motions)} frames could not be solved and were predicted "
+            "from the motions before them; frames.csv says which and why"
+        )
+
+
+def _records(flown: Flown, options: OdometryOptions, scale: str) -> list[Record]:
     """Records of a run: errors where the truth is known, states of frames, speed."""
-    family, schedule = estimator.likelihood.family.name, estimator.likelihood.schedule.name
-    name = method_label(describe(flow))
+    estimator, motions = flown.robot.estimator, flown.motions
+    keys = {
+        "residual": options.residual, "scale": scale, "boresight": options.boresight,
+        "self_calibrate": options.self_calibrate, "gate": "none" if options.gate is None else options.gate,
+        "features": features_of(flown.robot.method),
+        "timestamps": getattr(flown.sequence, "times_source", None),
+    }  # fmt: skip
     base = Record(
-        "frames_per_second", len(motions) / seconds, "1/s", sequence.name, name, family, schedule,
-        estimator.name, len(motions), seed,
+        "frames_per_second", len(motions) / flown.seconds, "1/s", flown.sequence.name, flown.flow,
+        estimator.likelihood.family.name, estimator.likelihood.schedule.name, estimator.name,
+        len(motions), options.seed,
         protocol(**keys, includes="decoding, flow, estimation, compilation"),
     )  # fmt: skip
     records = [base, *status_records(motions, replace(base, protocol=protocol(**keys)))]
-    if truth is None:
+    if flown.truth is None:
         return records
     errors = trajectory_records(
-        estimated, truth, sequence.name, name, family, schedule, estimator.name, seed, **keys
-    )
-    if keys["scale"] == "none":
+        flown.estimated, flown.truth, flown.sequence.name, base.flow, base.family, base.schedule,
+        base.estimator, base.seed, **keys,
+    )  # fmt: skip
+    if scale == "none":
         unscaled = "; " + protocol(reason="without a scale the trajectory has no unit of length")
         errors = [
             r if r.metric == "rpe_rot_median_deg" else replace(r, value=None, protocol=r.protocol + unscaled)
@@ -53,22 +115,14 @@ def run_records(
     return [*errors, *records]
 
 
-def save_figures(
-    run: RunFolder,
-    estimated: Trajectory,
-    truth: Trajectory | None,
-    unsolved: NDArray[np.bool_],
-    name: str,
-    flow: FlowMethod,
-    metric: bool,
-) -> None:
+def _save_figures(run: RunFolder, flown: Flown, metric: bool) -> None:
     """Save what the figures of a run show."""
-    label = method_label(describe(flow))
+    estimated, truth = flown.estimated, flown.truth
     origin = estimated.poses[0] if truth is None else truth.poses[0]
-    positions = origin.apply(estimated.positions)[None]
+    unsolved = np.array([False, *(not motion.solved for motion in flown.motions)])
     arrays = {
-        "names": np.array([name]),
-        "positions": positions,
+        "names": np.array([flown.robot.estimator.name]),
+        "positions": origin.apply(estimated.positions)[None],
         "timestamps": estimated.timestamps,
         "unit": np.array("m" if metric else "steps"),
         "unsolved": unsolved[None],
@@ -78,10 +132,5 @@ def save_figures(
         steps = relative_pose_errors(estimated, truth)
         errors = {"translation": steps.translation_m[None], "rotation": steps.rotation_deg[None]}
         shown = {"names": arrays["names"], "timestamps": estimated.timestamps[1:], **errors}
-        run.save("frame-errors", label, shown)
-    run.save("trajectories", label, arrays)
-
-
-def skipped_record(base: Record, skipped: list[Skipped]) -> Record:
-    """Record of how many frames were skipped, with the keys of another record."""
-    return replace(base, metric="skipped_frames", value=float(len(skipped)), unit="", count=None, protocol="")
+        run.save("frame-errors", flown.flow, shown)
+    run.save("trajectories", flown.flow, arrays)

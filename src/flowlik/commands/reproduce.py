@@ -21,7 +21,8 @@ from flowlik.calibration import (
     with_shared_errors,
 )
 from flowlik.calibration.shared_errors import Pairs
-from flowlik.commands.calibrate import BEST_FAMILY, add_evidence, fit_families, with_goodness
+from flowlik.commands.calibrate import add_evidence, fit_families, with_goodness
+from flowlik.commands.options import BEST_FAMILY
 from flowlik.commands.plans import FAMILIES_SHOWN, METHODS, QUICK, Flight, Plan
 from flowlik.commands.reproduce_flights import BLOCK, add_ratios, flight_sequence, fly
 from flowlik.datasets.base import ImageSequence

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.commands.calibrate import BEST_FAMILY
+from flowlik.commands.options import BEST_FAMILY
 from flowlik.commands.plans import METHODS, Flight, Plan
 from flowlik.comparison.baselines import opencv_pnp
 from flowlik.datasets.base import ImageSequence

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from flowlik.geometry.camera import Pinhole
+from flowlik.commands.options import SimulateOptions
 from flowlik.simulation import IDEAL_SENSOR, Sensor, write_sequence
 from flowlik.simulation import simulate as simulate_sequence
 from flowlik.support.progress import Progress, no_progress
@@ -12,43 +12,45 @@ from flowlik.support.progress import Progress, no_progress
 
 def simulate(
     world: str,
-    trajectory: str,
     out: Path,
-    frames: int | None = None,
-    speed_mps: float = 6.0,
-    seed: int = 0,
-    camera: Pinhole | None = None,
-    frames_per_second: float | None = None,
-    start: int = 0,
-    baseline_m: float | None = None,
-    traffic: int = 0,
-    sensor: bool = True,
+    options: SimulateOptions = SimulateOptions(),  # noqa: B008
+    *,
     progress: Progress = no_progress,
 ) -> Path:
     """Render a flight and write it in TartanAir V2's layout.
 
     Parameters
     ----------
-    world, trajectory, frames, speed_mps, seed, camera, frames_per_second, start, baseline_m, traffic
+    world : str
         As in `flowlik.simulation.simulate`.
     out : Path
         Folder; an interrupted run of the same sequence is continued.
-    sensor : bool
-        Whether the sensor blurs, adds noise and changes its exposure.
+    options : SimulateOptions
+        How.
     progress : Progress
         Told how far it is.
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    DataError
+        If the options contradict one another, or the folder holds something else.
     """
     sequence = simulate_sequence(
         world,
-        trajectory,
-        frames,
-        speed_mps,
-        seed,
-        camera,
-        Sensor() if sensor else IDEAL_SENSOR,
-        frames_per_second,
-        start,
-        baseline_m,
-        traffic,
+        options.trajectory,
+        options.frames,
+        options.speed_mps,
+        options.seed,
+        options.camera,
+        Sensor() if options.sensor else IDEAL_SENSOR,
+        options.frames_per_second,
+        options.start,
+        options.baseline_m,
+        options.traffic,
     )
     return write_sequence(sequence, out, lambda steps: progress(steps, f"frames of {world}", len(sequence)))

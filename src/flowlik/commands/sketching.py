@@ -4,25 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from flowlik.calibration import Block, ErrorSketch, SketchCache, Task, executor, sketch_blocks
 from flowlik.calibration.cache import first_sketches
+from flowlik.commands.options import Execution
 from flowlik.results.records import Record, protocol
 from flowlik.results.runs import RunFolder
 from flowlik.support.progress import Progress
 from flowlik.support.resources import peak_memory_mb
-
-
-@dataclass(frozen=True)
-class Execution:
-    """Where a command measures, and whether it keeps the sketches; see `flowlik.calibration.executor`."""
-
-    executor: str = "serial"
-    workers: int | None = None
-    scheduler: str | None = None
-    keep_sketches: bool = False
 
 
 def sketch_for_run(

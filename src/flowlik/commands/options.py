@@ -1,0 +1,257 @@
+"""Options of the commands, as objects: what a run records of itself is their `Options.asdict`.
+
+Nothing heavy is imported here, so that the command line takes its defaults from these classes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from flowlik.geometry.camera import Pinhole
+
+
+BEST_FAMILY, BEST_SCHEDULE = "glc", "index"
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a command may be told; every option has a default."""
+
+    def asdict(self) -> dict[str, Any]:
+        """All options by name, as JSON takes them: the configuration in ``run.json``."""
+        return dataclasses.asdict(self, dict_factory=_plain)
+
+
+def _plain(items: list[tuple[str, Any]]) -> dict[str, Any]:
+    return {name: str(value) if isinstance(value, PurePath) else value for name, value in items}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Execution(Options):
+    """Where a command measures, and whether it keeps the sketches.
+
+    Attributes
+    ----------
+    executor : {"serial", "processes", "dask"}
+        Where to measure, see `flowlik.calibration.executor`.
+    workers : int, optional
+        Processes on this machine; by default one a core.
+    scheduler : str, optional
+        Address of a Dask scheduler; by default a cluster of local processes.
+    keep_sketches : bool
+        Leave the sketches in the run's folder, for a repeated run.
+    """
+
+    executor: str = "serial"
+    workers: int | None = None
+    scheduler: str | None = None
+    keep_sketches: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrateOptions(Execution):
+    """Options of `flowlik.commands.calibrate.calibrate`, those of `Execution` among them.
+
+    Attributes
+    ----------
+    family : str
+        Family of the saved model; all are fitted, for comparison.
+    schedule : str
+        Schedule of the saved model, one of `flowlik.calibration.SCHEDULES`; the paper's is ``"texture"``.
+    format : str, optional
+        Data format; guessed by default.
+    camera : str, optional
+        As `flowlik.open_sequence` takes it, for data without a camera of its own.
+    seed : int
+        Seed of pixels and reservoirs.
+    """
+
+    family: str = BEST_FAMILY
+    schedule: str = BEST_SCHEDULE
+    format: str | None = None
+    camera: str | None = None
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluateOptions(Execution):
+    """Options of `flowlik.commands.evaluate.evaluate`, those of `Execution` among them.
+
+    Attributes
+    ----------
+    method : str, optional
+        May only confirm the model's flow method; must, where that is an object or flow on disk.
+    format : str, optional
+        Data format; guessed by default.
+    camera : str, optional
+        As `flowlik.open_sequence` takes it, for data without a camera of its own.
+    seed : int
+        Seed of pixels and of the bootstrap.
+    """
+
+    method: str | None = None
+    format: str | None = None
+    camera: str | None = None
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class OdometryOptions(Options):
+    """Options of `flowlik.commands.odometry.odometry`.
+
+    Attributes
+    ----------
+    model : Path, optional
+        Model file; needed for lcmsac and mle. It names the flow method.
+    method : str, optional
+        Flow method for RANSAC without a model; beside a model it may only confirm it, and must
+        where that is an object or flow on disk.
+    estimator : {"lcmsac", "ransac", "mle"}
+        Estimator.
+    residual : {"depth", "epipolar"}, optional
+        By default known depth if the data has it.
+    scale : {"none", "truth-norm", "gps-norm", "camera-height", "stereo"}
+        Where the length of each motion comes from without depth.
+    height_m : float
+        Height of the camera over the road [m], for the scale ``camera-height``.
+    self_calibrate : bool
+        Refine principal point and radial distortion from the images, without depth.
+    boresight : {"none", "causal"}
+        Whether motions are turned into the frame of the true poses, by what past frames say.
+    gate : float, optional
+        Texture gate [intensity^2/px^2].
+    frames : int, optional
+        Only the first so many frames.
+    start : int
+        First frame; what comes before is not looked at.
+    skip_bad_frames : bool
+        Go on over frames that are missing or unreadable, or whose time does not advance; the report tells
+        which.
+    format : str, optional
+        Data format; guessed by default.
+    camera : str, optional
+        ``f,cx,cy`` or ``fx,fy,cx,cy`` [px], or a camera file, for data without a camera of its own.
+    frames_per_second : float, optional
+        Frame rate [Hz], for images without times.
+    topic : str, optional
+        Topic of the images of a ROS bag.
+    bag : bool
+        Also write the trajectory as a ROS 2 bag, ``odometry_bag``.
+    view, record : bool
+        Show the run live in the rerun viewer; record it as ``view.rrd``.
+    seed : int
+        Seed of pixels and samples.
+    """
+
+    model: Path | None = None
+    method: str | None = None
+    estimator: str = "lcmsac"
+    residual: str | None = None
+    scale: str = "none"
+    height_m: float = 1.65
+    self_calibrate: bool = False
+    boresight: str = "none"
+    gate: float | None = None
+    frames: int | None = None
+    start: int = 0
+    skip_bad_frames: bool = False
+    format: str | None = None
+    camera: str | None = None
+    frames_per_second: float | None = None
+    topic: str | None = None
+    bag: bool = False
+    view: bool = False
+    record: bool = False
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlowOptions(Options):
+    """Options of `flowlik.commands.flow.flow`.
+
+    Attributes
+    ----------
+    truth : Path, optional
+        True flow (.flo, KITTI PNG or .npy), to report coverage.
+    method : str, optional
+        May only confirm the model's method; must, where that is an object or flow on disk.
+    confidence : float
+        Of the intervals drawn.
+    camera : str, optional
+        A camera file: both images are undistorted first. Without distortion a camera changes nothing.
+    view, record : bool
+        Show it live in the rerun viewer; record it as ``view.rrd``.
+    """
+
+    truth: Path | None = None
+    method: str | None = None
+    confidence: float = 0.9
+    camera: str | None = None
+    view: bool = False
+    record: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class KittiOptions(Options):
+    """Options of `flowlik.commands.kitti.kitti_table`.
+
+    Attributes
+    ----------
+    sequences : tuple of str
+        Names, by default those of the paper's Table III; those that are not there are left out.
+    frames : int, optional
+        Only so many of each.
+    start : int
+        First frame of each: a cold start there.
+    seed : int
+        Seed of samples.
+    """
+
+    sequences: tuple[str, ...] = ("00", "01", "03")
+    frames: int | None = None
+    start: int = 0
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulateOptions(Options):
+    """Options of `flowlik.commands.simulate.simulate`; all but the last as in `flowlik.simulation.simulate`.
+
+    Attributes
+    ----------
+    trajectory : str
+        Name, or a file of poses.
+    frames : int, optional
+        Number of images.
+    speed_mps : float
+        Speed [m/s] of a named trajectory.
+    seed : int
+        Seed of everything random.
+    camera : Pinhole, optional
+        By default the world's.
+    frames_per_second : float, optional
+        By default the world's, or a pose file's own times.
+    start : int
+        Frames left out at the beginning.
+    baseline_m : float, optional
+        Distance [m] of a second camera to the right.
+    traffic : int
+        Number of moving vehicles.
+    sensor : bool
+        Whether the sensor blurs, adds noise and changes its exposure.
+    """
+
+    trajectory: str = "straight"
+    frames: int | None = None
+    speed_mps: float = 6.0
+    seed: int = 0
+    camera: Pinhole | None = None
+    frames_per_second: float | None = None
+    start: int = 0
+    baseline_m: float | None = None
+    traffic: int = 0
+    sensor: bool = True

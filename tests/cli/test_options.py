@@ -1,0 +1,105 @@
+"""Every option of a command reaches it, and stands in the run's configuration."""
+
+import builtins
+import json
+from contextlib import nullcontext
+from dataclasses import fields
+from inspect import signature
+
+import pytest
+
+from flowlik import cli
+from flowlik.commands.options import CalibrateOptions, EvaluateOptions, FlowOptions, OdometryOptions
+from flowlik.datasets import open_sequence
+from flowlik.report.viewer import NoViewer
+from tests.cli.call import succeed
+
+OPTIONS = {"odometry": OdometryOptions, "calibrate": CalibrateOptions, "evaluate": EvaluateOptions}
+EXECUTION = {"executor": "dask", "workers": 3, "scheduler": "tcp://a:1", "keep_sketches": True}
+OTHER = {
+    "odometry": {
+        "model": "lucas-kanade", "method": "lucas-kanade", "estimator": "mle", "residual": "epipolar",
+        "scale": "truth-norm", "height_m": 1.5, "self_calibrate": True, "boresight": "causal", "gate": 0.5,
+        "frames": 4, "start": 1, "skip_bad_frames": True, "format": "tartanair", "camera": "50,48,32",
+        "frames_per_second": 20.0, "topic": "/camera/image_raw", "bag": True, "view": True, "record": True,
+        "seed": 7,
+    },
+    "calibrate": {
+        "family": "lcm", "schedule": "texture", "format": "tartanair", "camera": "50,48,32", "seed": 7,
+        **EXECUTION,
+    },
+    "evaluate": {
+        "method": "lucas-kanade", "format": "tartanair", "camera": "50,48,32", "seed": 7, **EXECUTION,
+    },
+}  # fmt: skip
+"""A value of every option that is not its default. Who adds an option adds it here."""
+
+FLAGS = {"height_m": "--height"}
+
+
+def words_of(options):
+    for name, value in options.items():
+        yield FLAGS.get(name, "--" + name.replace("_", "-"))
+        if value is not True:
+            yield value
+
+
+@pytest.fixture(scope="module")
+def told(flight, tmp_path_factory):
+    """What each command recorded, and what it told the outside, of a run with no option at its default."""
+    told = {command: {} for command in OPTIONS}
+    data = {
+        "odometry": (flight,),
+        "calibrate": (flight, "--method", "lucas-kanade"),
+        "evaluate": ("lucas-kanade", flight),
+    }
+
+    def run(command):
+        def opened(*args):
+            told[command] |= signature(open_sequence).bind(*args).arguments
+            return open_sequence(args[0])
+
+        def mapped(*args):
+            told[command] |= dict(zip(("executor", "workers", "scheduler"), args))
+            return nullcontext(builtins.map)
+
+        def shown(view, path):
+            told[command] |= {"view": view, "record": path is not None}
+            return NoViewer()
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(f"flowlik.commands.{command}.open_sequence", opened)
+            for module in ("sketching", "calibrate"):
+                patch.setattr(f"flowlik.commands.{module}.executor", mapped)
+            patch.setattr("flowlik.commands.odometry.viewer", shown)
+            patch.setattr("flowlik.report.build", lambda run: run / "report.html")
+            out = tmp_path_factory.mktemp("options") / command
+            succeed(command, *data[command], *words_of(OTHER[command]), "--out", out)
+        description = json.loads((out / "run.json").read_text())
+        return description["config"], told[command]
+
+    return {command: run(command) for command in OPTIONS}
+
+
+@pytest.mark.parametrize(
+    ("command", "name"), [(command, f.name) for command, kind in OPTIONS.items() for f in fields(kind)]
+)
+def test_an_option_is_recorded(told, command, name):
+    config, heard = told[command]
+    value = OTHER[command][name]
+    assert value != getattr(OPTIONS[command], name), "the default tells nothing"
+    assert config[name] == value
+    assert heard.get(name, value) == value
+
+
+def test_a_configuration_makes_the_options_again(told):
+    config, _ = told["odometry"]
+    names = [f.name for f in fields(OdometryOptions)]
+    assert OdometryOptions(**{name: config[name] for name in names}).asdict() == OTHER["odometry"]
+
+
+@pytest.mark.parametrize("kind", [*OPTIONS.values(), FlowOptions])
+def test_the_command_line_has_the_same_defaults(kind):
+    command = kind.__name__.removesuffix("Options").lower()
+    given = signature(getattr(cli.app, command).run).parameters
+    assert {f.name: given[f.name].default for f in fields(kind)} == {f.name: f.default for f in fields(kind)}
