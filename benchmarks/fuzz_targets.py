@@ -40,8 +40,8 @@ from flowlik.odometry.trajectory_covariance import (
     trajectory_covariance,
     write_covariance_csv,
 )
-from flowlik.report.figures import render
-from flowlik.report.page import read_arrays, read_run
+from flowlik.report._figures import render
+from flowlik.report._page import read_arrays, read_run
 from flowlik.results.records import Record, read_records, write_records
 from flowlik.support.extras import missing
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import naturalness
-from flowlik.report.style import BLUE, GREEN, GREY, INK, PURPLE, SPARE, VERMILION, WIDTH, styled
+from flowlik.report._style import BLUE, GREEN, GREY, INK, PURPLE, SPARE, VERMILION, WIDTH, styled
 from flowlik.results.records import Record, protocol
 from simulation_pictures import OURS, REAL, RENDERED, PictureSet
 

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.report.hue import flow_scale, hue_colours
+from flowlik.report._hue import flow_scale, hue_colours
 from flowlik.simulation import SimulatedSequence, simulate
 
 Picture = NDArray[np.uint8]

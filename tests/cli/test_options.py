@@ -11,7 +11,7 @@ import pytest
 from flowlik import cli
 from flowlik.commands.options import CalibrateOptions, EvaluateOptions, FlowOptions, OdometryOptions
 from flowlik.datasets import open_sequence
-from flowlik.report.viewer import NoViewer
+from flowlik.report.viewer import _NoViewer
 from tests.cli.call import succeed
 
 OPTIONS = {"odometry": OdometryOptions, "calibrate": CalibrateOptions, "evaluate": EvaluateOptions}
@@ -65,7 +65,7 @@ def told(flight, tmp_path_factory):
 
         def shown(view, path):
             told[command] |= {"view": view, "record": path is not None}
-            return NoViewer()
+            return _NoViewer()
 
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(f"flowlik.commands.{command}.open_sequence", opened)

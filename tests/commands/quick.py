@@ -8,7 +8,8 @@ import pytest
 import flowlik.calibration  # noqa: F401 (loads the module taken from sys.modules below)
 from flowlik.evaluation.likelihood import evidence
 from flowlik.evaluation.likelihood.goodness import block_interval
-from flowlik.report import page, style
+from flowlik.report import _page as page
+from flowlik.report import _style as style
 
 DRAWN: dict = {}
 

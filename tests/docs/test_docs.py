@@ -11,7 +11,7 @@ import typer
 import flowlik
 from flowlik.cli.app import app
 from flowlik.datasets import open_sequence
-from flowlik.report.figures import FIGURES
+from flowlik.report._figures import FIGURES
 from tests.cli.call import succeed
 
 ROOT = Path(__file__).parents[2]

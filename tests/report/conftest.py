@@ -1,7 +1,7 @@
 import pytest
 
 from flowlik import report
-from flowlik.report import style
+from flowlik.report import _style as style
 from tests.report.fake_run import write_run
 
 

@@ -7,12 +7,12 @@ import pytest
 
 from flowlik import report
 from flowlik.errors import DataError
-from flowlik.report.draw_calibration import _magnitude_quantile, draw_table
-from flowlik.report.draw_motion import _widest_axes
-from flowlik.report.figures import caption, check, render
-from flowlik.report.hue import flow_scale, hue_colours
-from flowlik.report.kinds import FIGURES
-from flowlik.report.style import grouped, looks, nice
+from flowlik.report._draw_calibration import _magnitude_quantile, draw_table
+from flowlik.report._draw_motion import _widest_axes
+from flowlik.report._figures import caption, check, render
+from flowlik.report._hue import flow_scale, hue_colours
+from flowlik.report._kinds import FIGURES
+from flowlik.report._style import grouped, looks, nice
 from tests.report.fake_run import MAKERS, make
 
 PNG = b"\x89PNG\r\n\x1a\n"

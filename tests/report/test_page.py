@@ -7,8 +7,8 @@ import pytest
 
 from flowlik import report
 from flowlik.errors import DataError
-from flowlik.report.page import read_arrays
-from flowlik.report.tables import tables
+from flowlik.report._page import read_arrays
+from flowlik.report._tables import tables
 from tests.report.fake_run import MAKERS, make, records, write_run
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}

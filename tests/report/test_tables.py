@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import pytest
 
-from flowlik.report.tables import format_value, headlines, reason, tables
+from flowlik.report._tables import format_value, headlines, tables
 from flowlik.results.records import Record
 from tests.report.fake_run import records
 
@@ -47,8 +47,8 @@ def test_a_missing_value_says_why():
     fit = tables(records())[0]
     cell = fit.rows[0].cells[-1]
     assert cell.text == "–" and cell.hint == "no value: too few components"
-    assert reason(Record("x", float("nan"), "")) == "no value: not-finite"
-    assert reason(Record("x", None, "")) == "no value was recorded"
+    assert Record("x", float("nan"), "").reason == "no value: not-finite"
+    assert Record("x", None, "").reason == "no value was recorded"
 
 
 def test_protocols_are_listed_once_and_marked_where_they_differ():
@@ -68,7 +68,7 @@ def test_equal_keys_of_another_protocol_get_their_own_row():
 
 def test_a_metric_without_any_counted_level_says_why():
     empty = Record("ks_median", None, "", protocol="levels=≥100 components from ≥30 frames; counted=0 of 43")
-    assert reason(empty) == "no value: too little data, no texture level has ≥100 components from ≥30 frames"
+    assert empty.reason == "no value: too little data, no texture level has ≥100 components from ≥30 frames"
 
 
 def test_headlines_set_the_own_method_against_the_others():

@@ -11,14 +11,14 @@ import pytest
 
 from flowlik.errors import DataError
 from flowlik.odometry.odometry import Odometry
-from flowlik.report.viewer import NoViewer, RerunViewer, ellipses, ellipsoid, viewer, watched_by
+from flowlik.report.viewer import _ellipses, _ellipsoid, _NoViewer, _RerunViewer, viewer, watched_by
 from tests.helpers import CAMERA
 
 
 def test_ellipses_have_the_half_widths_as_axes():
     angle = 0.4
     R = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    (outline,) = ellipses(np.array([[10.0, 20.0]]), np.array([[3.0, 7.0]]), R[None])
+    (outline,) = _ellipses(np.array([[10.0, 20.0]]), np.array([[3.0, 7.0]]), R[None])
     local = (outline - [10, 20]) @ R
     np.testing.assert_allclose((local[:, 0] / 3) ** 2 + (local[:, 1] / 7) ** 2, 1)
     np.testing.assert_allclose(outline[0], outline[-1])
@@ -27,7 +27,7 @@ def test_ellipses_have_the_half_widths_as_axes():
 def test_an_ellipsoid_holds_nine_tenths():
     rng = np.random.default_rng(0)
     root = rng.standard_normal((3, 3))
-    half_axes, R = ellipsoid(root @ root.T)
+    half_axes, R = _ellipsoid(root @ root.T)
     assert np.linalg.det(R) == pytest.approx(1)
     samples = rng.standard_normal((20_000, 3)) @ root.T
     inside = (((samples @ R) / half_axes) ** 2).sum(axis=1) <= 1
@@ -35,8 +35,8 @@ def test_an_ellipsoid_holds_nine_tenths():
 
 
 def test_no_viewer_costs_nothing():
-    assert isinstance(viewer(False, None), NoViewer)
-    assert list(watched_by(NoViewer(), iter([]), None, None)) == []
+    assert isinstance(viewer(False, None), _NoViewer)
+    assert list(watched_by(_NoViewer(), iter([]), None, None)) == []
 
 
 class Still:
@@ -106,7 +106,7 @@ def test_live_and_recorded_at_once(tmp_path):
                     if probe.connect_ex(("127.0.0.1", port)) == 0:
                         break
                 time.sleep(0.1)
-            shown(RerunViewer(True, tmp_path / "view.rrd", f"rerun+http://127.0.0.1:{port}/proxy"))
+            shown(_RerunViewer(True, tmp_path / "view.rrd", f"rerun+http://127.0.0.1:{port}/proxy"))
             time.sleep(0.5)
         finally:
             server.send_signal(signal.SIGINT)

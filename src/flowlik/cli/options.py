@@ -138,8 +138,6 @@ def show_records(records: Sequence[Record], as_json: bool) -> None:
         return
     from rich.table import Table
 
-    from flowlik.report.tables import reason
-
     main = [r for r in records if r.metric in SUMMARY]
     if len(records) > MOST_ROWS and main:
         typer.echo(f"{len(main)} of {len(records)} figures; metrics.json and the report hold all", err=True)
@@ -150,5 +148,5 @@ def show_records(records: Sequence[Record], as_json: bool) -> None:
         value = "–" if r.value is None else f"{r.value:.5g}"
         table.add_row(r.dataset, r.flow, r.family, r.schedule, r.estimator, r.metric, value, r.unit)
     console().print(table)
-    for why in dict.fromkeys(f"{r.metric}: {reason(r)}" for r in records if r.value is None):
+    for why in dict.fromkeys(f"{r.metric}: {r.reason}" for r in records if r.value is None):
         typer.echo(why)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from flowlik.report.style import Data
+    from flowlik.report._style import Data
     from flowlik.results.runs import RunFolder
 
 __all__ = ["build", "finish", "save_figure"]
@@ -30,7 +30,7 @@ def build(run: Path) -> Path:
     DataError
         If the folder or one of its files is missing, unreadable or of the wrong shape.
     """
-    from flowlik.report.page import write_report
+    from flowlik.report._page import write_report
 
     return write_report(Path(run))
 
@@ -52,7 +52,7 @@ def save_figure(kind: str, data: Data, stem: Path) -> tuple[Path, Path]:
     Parameters
     ----------
     kind : str
-        A key of :data:`flowlik.report.figures.FIGURES`.
+        Kind of figure, such as ``uncertainty``: the part before ``--`` of a file in a run's ``data``.
     data : mapping of str to ndarray
         The arrays that kind requires.
     stem : Path
@@ -68,7 +68,7 @@ def save_figure(kind: str, data: Data, stem: Path) -> tuple[Path, Path]:
     DataError
         If the kind is unknown, an array is missing or its shape does not fit.
     """
-    from flowlik.report.figures import render
-    from flowlik.report.page import write_figure
+    from flowlik.report._figures import render
+    from flowlik.report._page import write_figure
 
     return write_figure(render(kind, data), Path(stem))

@@ -48,7 +48,7 @@ class Viewer(Protocol):
         ...
 
 
-class NoViewer:
+class _NoViewer:
     """Shows nothing."""
 
     def pair(
@@ -63,7 +63,7 @@ class NoViewer:
         """Do nothing."""
 
 
-class RerunViewer:
+class _RerunViewer:
     """Shows in rerun what it is told, live or into a file.
 
     Entities: ``image``, ``image/flow`` (arrows), ``image/error`` (ellipses with the half-widths of the
@@ -126,7 +126,7 @@ class RerunViewer:
         self._log("image/flow", rr.Arrows2D(origins=some.pixels + 0.5, vectors=some.flow, colors=[KNOWN]))
         known = half_width.max(axis=1) <= 1.0
         colours = np.where(known[:, None], KNOWN, UNKNOWN).astype(np.uint8)
-        strips = ellipses(ends + 0.5, half_width, some.R_i_e)
+        strips = _ellipses(ends + 0.5, half_width, some.R_i_e)
         self._log("image/error", rr.LineStrips2D(strips, colors=colours, radii=0.3))
 
     def motion(self, time_s: float, robot: Odometry) -> None:
@@ -151,7 +151,7 @@ class RerunViewer:
         self._log("world/trajectory", rr.LineStrips3D([positions], colors=[KNOWN]))
         covariance = world_covariance(T, self._covariance)[3:, 3:]
         if np.isfinite(covariance).all():
-            half_sizes, R = ellipsoid(covariance)
+            half_sizes, R = _ellipsoid(covariance)
             quaternion = Rotation.from_matrix(R).as_quat()
             self._ellipsoids.append((T.translation, half_sizes, quaternion))
             centers, sizes, turns = map(np.array, zip(*self._ellipsoids))
@@ -182,7 +182,7 @@ class RerunViewer:
 
 def viewer(live: bool, path: Path | None) -> Viewer:
     """Viewer of what is asked for; one that shows nothing where nothing is."""
-    return RerunViewer(live, path) if live or path is not None else NoViewer()
+    return _RerunViewer(live, path) if live or path is not None else _NoViewer()
 
 
 def watched_by(
@@ -190,7 +190,7 @@ def watched_by(
 ) -> Iterator[EgoMotion]:
     """Pass motions of an odometry on, showing each."""
     for k, motion in enumerate(motions, start=1):
-        if not isinstance(shown, NoViewer) and robot.last is not None:
+        if not isinstance(shown, _NoViewer) and robot.last is not None:
             time_s = sequence.timestamp(k)
             likelihood = robot.estimator.likelihood
             shown.pair(time_s, sequence.image(k - 1), robot.last.measurements, likelihood, CONFIDENCE)
@@ -199,7 +199,7 @@ def watched_by(
     shown.close()
 
 
-def ellipses(centers: Array, half_width: Array, R_i_e: Array) -> Array:
+def _ellipses(centers: Array, half_width: Array, R_i_e: Array) -> Array:
     """Closed outlines (N, CORNERS, 2) of ellipses with half-axes (N, 2) along the columns of R_i_e."""
     angle = np.linspace(0, 2 * np.pi, CORNERS)
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
@@ -207,7 +207,7 @@ def ellipses(centers: Array, half_width: Array, R_i_e: Array) -> Array:
     return centers[:, None] + np.einsum("nij,nkj->nki", R_i_e, local)
 
 
-def ellipsoid(covariance: Array) -> tuple[Array, Array]:
+def _ellipsoid(covariance: Array) -> tuple[Array, Array]:
     """Half-axes (3,) and their directions (3, 3), a rotation, of the 90 % region of a position."""
     values, axes = np.linalg.eigh(covariance)
     if np.linalg.det(axes) < 0:

@@ -73,6 +73,15 @@ class Record:
             number = getattr(self, key)
             object.__setattr__(self, key, None if number is None else int(number))
 
+    @property
+    def reason(self) -> str:
+        """Why a record has no value, as its protocol says."""
+        parts = dict(part.strip().split("=", 1) for part in self.protocol.split(";") if "=" in part)
+        if parts.get("counted", "").startswith("0 of ") and "levels" in parts:
+            return f"no value: too little data, no texture level has {parts['levels']}"
+        why = parts.get("reason") or parts.get("value") or self.protocol
+        return f"no value: {why}" if why else "no value was recorded"
+
 
 def protocol(**keys: object) -> str:
     """Join keys and values as ``key=value; …``, in the order given; a key whose value is None is left out.

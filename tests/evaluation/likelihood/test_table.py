@@ -3,7 +3,7 @@ import pytest
 from flowlik.errors import CalibrationError
 from flowlik.evaluation.likelihood import table
 from flowlik.evaluation.likelihood.goodness import held_out_floor
-from flowlik.report.figures import check
+from flowlik.report._figures import check
 from tests.evaluation.population import INDEX, MODEL, OVER_INDEX, draw, sketch_of
 
 MODELS = {("synthetic", "lcm", "texture"): MODEL, ("synthetic", "lcm", "index"): OVER_INDEX}

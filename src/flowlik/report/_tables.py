@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from flowlik.report.metric_names import METRICS
-from flowlik.report.style import known_look
+from flowlik.report._metric_names import METRICS
+from flowlik.report._style import known_look
 from flowlik.results.records import Record
 
 KEYS = ("dataset", "flow", "family", "schedule", "estimator", "seed")
@@ -122,15 +122,6 @@ def format_unit(unit: str) -> str:
     return {"percent": "%", "1": "", "fraction": "", "none": ""}.get(unit, unit)
 
 
-def reason(record: Record) -> str:
-    """Why a record has no value, as its protocol says."""
-    parts = dict(part.strip().split("=", 1) for part in record.protocol.split(";") if "=" in part)
-    if parts.get("counted", "").startswith("0 of ") and "levels" in parts:
-        return f"no value: too little data, no texture level has {parts['levels']}"
-    why = parts.get("reason") or parts.get("value") or record.protocol
-    return f"no value: {why}" if why else "no value was recorded"
-
-
 def tables(records: Iterable[Record]) -> list[Table]:
     """Group records by topic and pivot each group.
 
@@ -190,7 +181,7 @@ def _pivot(title: str, records: Sequence[Record]) -> Table:
         if record is None:
             return Cell()
         count = "" if record.count is None else f"over {record.count:,} items".replace(",", "\u202f")
-        hint = reason(record) if record.value is None else count
+        hint = record.reason if record.value is None else count
         return Cell(
             format_value(record.value), hint, marks({record.protocol}) if len(shared[column]) > 1 else ()
         )

@@ -14,10 +14,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 
 from flowlik.errors import DataError
-from flowlik.report.figures import caption, render
-from flowlik.report.kinds import FIGURES
-from flowlik.report.style import Rendered
-from flowlik.report.tables import display_name, headlines, tables
+from flowlik.report._figures import caption, render
+from flowlik.report._kinds import FIGURES
+from flowlik.report._style import Rendered
+from flowlik.report._tables import display_name, headlines, tables
 from flowlik.results.records import Record, read_records
 from flowlik.support.files import atomic_write, read_json, read_npz
 

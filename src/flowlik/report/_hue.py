@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import hsv_to_rgb
 from numpy.typing import NDArray
 
-from flowlik.report.style import GREY, INK, bare, nice
+from flowlik.report._style import GREY, INK, bare, nice
 
 UNKNOWN = 0.82  # grey level of a pixel without flow
 _STEPS = (1, 1.5, 2, 3, 4, 5, 7)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from flowlik.errors import DataError
-from flowlik.report.kinds import FIGURES
-from flowlik.report.style import Data, Rendered, render_with
+from flowlik.report._kinds import FIGURES
+from flowlik.report._style import Data, Rendered, render_with
 
 
 def check(kind: str, data: Data) -> None:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 from numpy.typing import NDArray
 
-from flowlik.report.style import (
+from flowlik.report._style import (
     BLUE,
     GREY,
     INK,

@@ -7,25 +7,25 @@ from dataclasses import dataclass, field
 
 from matplotlib.figure import Figure
 
-from flowlik.report.draw_calibration import (
+from flowlik.report._draw_calibration import (
     draw_coverage,
     draw_distributions,
     draw_error_over_texture,
     draw_goodness,
     draw_table,
 )
-from flowlik.report.draw_drives import draw_intrinsics, draw_outliers, draw_segment_errors
-from flowlik.report.draw_evidence import (
+from flowlik.report._draw_drives import draw_intrinsics, draw_outliers, draw_segment_errors
+from flowlik.report._draw_evidence import (
     draw_bias,
     draw_eigenbasis,
     draw_levels,
     draw_pit,
     draw_sparsification,
 )
-from flowlik.report.draw_flow import draw_sequence
-from flowlik.report.draw_motion import draw_frame_errors, draw_trajectories
-from flowlik.report.draw_uncertainty import draw_uncertainty
-from flowlik.report.style import Data
+from flowlik.report._draw_flow import draw_sequence
+from flowlik.report._draw_motion import draw_frame_errors, draw_trajectories
+from flowlik.report._draw_uncertainty import draw_uncertainty
+from flowlik.report._style import Data
 
 
 @dataclass(frozen=True)

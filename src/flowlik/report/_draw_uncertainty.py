@@ -12,8 +12,8 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
-from flowlik.report.hue import SPARSE, dot_size, draw_flow, draw_wheel, flow_scale, washed
-from flowlik.report.style import GREY, INK, WIDTH, Data, axes_at, bare, nice
+from flowlik.report._hue import SPARSE, dot_size, draw_flow, draw_wheel, flow_scale, washed
+from flowlik.report._style import GREY, INK, WIDTH, Data, axes_at, bare, nice
 
 _MARGIN, _GAP, _TITLE, _KEY = 0.12, 0.14, 0.34, 1.2
 _CROSSES = 480  # about as many over the whole image, whatever its shape

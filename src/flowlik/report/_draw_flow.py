@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from flowlik.report.hue import SPARSE, draw_flow, draw_wheel, flow_scale
-from flowlik.report.style import WIDTH, Data, axes_at, bare
+from flowlik.report._hue import SPARSE, draw_flow, draw_wheel, flow_scale
+from flowlik.report._style import WIDTH, Data, axes_at, bare
 
 _MOST_FRAMES = 5
 _LEFT, _KEY, _GAP, _TOP = 0.4, 1.35, 0.06, 0.3

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from flowlik.report.style import INK, WIDTH, Data, looks
+from flowlik.report._style import INK, WIDTH, Data, looks
 
 UNITS = {"f": "px", "cx": "px", "cy": "px"}
 INLIER, OUTLIER = "#2f6fb0", "#d03a2b"

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from flowlik.report.style import INK, WIDTH, Data, looks
+from flowlik.report._style import INK, WIDTH, Data, looks
 
 Array = NDArray[np.float64]
 

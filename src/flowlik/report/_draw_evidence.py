@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
-from flowlik.report.style import BLUE, GREY, PALE, TEXTURE_LABEL, VERMILION, WIDTH, Data, Look, looks
+from flowlik.report._style import BLUE, GREY, PALE, TEXTURE_LABEL, VERMILION, WIDTH, Data, Look, looks
 
 COVERAGE_BAND = 0.05
 HIGHEST_DENSITY = 2.0
