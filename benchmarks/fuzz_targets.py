@@ -28,8 +28,10 @@ from flowlik.datasets import open_sequence
 from flowlik.datasets.base import read_grey
 from flowlik.datasets.camera_file import read_camera
 from flowlik.datasets.flow_files import read_flow
+from flowlik.datasets.tartanair import encode_flow
 from flowlik.datasets.uncertainty_file import read_uncertainty, write_uncertainty
 from flowlik.errors import DataError
+from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.trajectory import Trajectory, chain, read_trajectory, write_kitti, write_tum
 from flowlik.likelihood.model_file import load_likelihood
 from flowlik.likelihood.schedule import Index
@@ -164,9 +166,16 @@ def _flow(suffix: str) -> Target:
     writers = {
         "flo": lambda p: fakes.write_flo(p, fakes.some_flow()),
         "png": lambda p: fakes.write_kitti_flow(p, fakes.some_flow()),
-        "npy": lambda p: np.save(p, fakes.some_flow()),
+        "npy": lambda p: np.save(p, fakes.some_flow().transpose(2, 0, 1)),
+        "npz": lambda p: np.savez_compressed(p, flow=fakes.some_flow(), valid=np.ones((30, 40))),
+        "pfm": lambda p: fakes.write_pfm(p, np.dstack([fakes.some_flow(), np.zeros((30, 40))])),
     }
     return Target(file_of(f"a.{suffix}", writers[suffix]), read_flow)
+
+
+def _tartanair_flow(path: Path) -> None:
+    flow = fakes.some_flow()
+    cv2.imwrite(str(path), encode_flow(flow, np.ones((30, 40), bool), Pinhole(40, 30, 20, 20, 19.5, 14.5)))
 
 
 def _ros() -> dict[str, Target]:
@@ -204,7 +213,8 @@ def targets() -> dict[str, Target]:
         **found,
         **_ros(),
         **_images(),
-        **{f"flow {suffix}": _flow(suffix) for suffix in ("flo", "png", "npy")},
+        **{f"flow {suffix}": _flow(suffix) for suffix in ("flo", "png", "npy", "npz", "pfm")},
+        "flow tartanair": Target(file_of("a.png", _tartanair_flow), read_flow),
         **{f"camera {n}": Target(file_of("c.yaml", w), read_camera) for n, w in cameras.items()},
         **{
             f"model {path.stem}": Target(

@@ -81,7 +81,8 @@ def make_chairs(root: Path, names: tuple[str, str, str] = ("_img1.ppm", "_img2.p
 
 
 def write_pfm(path: Path, values: np.ndarray, little: bool = True) -> None:
-    header = f"Pf\n{values.shape[1]} {values.shape[0]}\n{-1 if little else 1}.0\n".encode()
+    letters = "Pf" if values.ndim == 2 else "PF"
+    header = f"{letters}\n{values.shape[1]} {values.shape[0]}\n{-1 if little else 1}.0\n".encode()
     path.write_bytes(header + values[::-1].astype("<f4" if little else ">f4").tobytes())
 
 

@@ -11,6 +11,8 @@ from flowlik.datasets.base import read_grey
 from flowlik.datasets.flow_files import read_flow, write_flo, write_kitti_flow
 from flowlik.errors import DataError
 
+from .fakes import write_pfm
+
 
 def some_flow(seed: int = 0, shape: tuple[int, int] = (13, 17)) -> np.ndarray:
     rng = np.random.default_rng(seed)
@@ -72,6 +74,72 @@ def test_npy(tmp_path, dtype):
     np.testing.assert_array_equal(back, flow)
 
 
+FORMS = {
+    "(2, H, W)": lambda flow: flow.transpose(2, 0, 1),
+    "(1, 2, H, W)": lambda flow: flow.transpose(2, 0, 1)[None],
+    "(1, H, W, 2)": lambda flow: flow[None],
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("suffix", ["npy", "npz"])
+def test_components_may_come_first(tmp_path, form, suffix):
+    flow = some_flow().astype(np.float32)
+    (np.save if suffix == "npy" else np.savez)(tmp_path / f"f.{suffix}", FORMS[form](flow))
+    np.testing.assert_array_equal(read_flow(tmp_path / f"f.{suffix}"), flow)
+
+
+def test_npz_holds_flow_and_what_is_valid(tmp_path):
+    flow, valid = np.nan_to_num(some_flow()), np.random.default_rng(1).random((13, 17)) < 0.5
+    np.savez_compressed(tmp_path / "f.npz", flow=flow.transpose(2, 0, 1), valid=valid)
+    np.testing.assert_array_equal(read_flow(tmp_path / "f.npz"), np.where(valid[..., None], flow, np.nan))
+
+
+@pytest.mark.parametrize(
+    "arrays",
+    [
+        {"u": np.zeros((3, 4)), "v": np.zeros((3, 4))},
+        {"flow": np.zeros((3, 4, 2)), "mask": np.zeros((3, 4))},
+        {"flow": np.zeros((3, 4, 2)), "valid": np.zeros((4, 3))},
+        {"flow": np.zeros((3, 4, 2)), "valid": np.zeros((3, 4), complex)},
+        {"flow": np.zeros((3, 4))},
+        {},
+    ],
+)
+def test_npz_of_other_arrays_is_refused(tmp_path, arrays):
+    np.savez(tmp_path / "f.npz", **arrays)
+    with pytest.raises(DataError, match=r"f\.npz: .*(expected|valid|shape)"):
+        read_flow(tmp_path / "f.npz")
+
+
+def test_pfm_has_three_channels_and_rows_run_upwards(tmp_path):
+    """FlyingThings3D's: u, v, 0."""
+    flow = some_flow().astype(np.float32)
+    write_pfm(tmp_path / "f.pfm", np.dstack([flow, np.zeros((13, 17))]))
+    np.testing.assert_array_equal(read_flow(tmp_path / "f.pfm"), flow)
+    (tmp_path / "g.pfm").write_bytes(b"PF 1 2 1\n" + np.array([3, 4, 0, 1, 2, 0], ">f4").tobytes())
+    np.testing.assert_array_equal(read_flow(tmp_path / "g.pfm"), [[[1, 2]], [[3, 4]]])
+
+
+def test_pfm_that_is_no_flow(tmp_path):
+    write_pfm(tmp_path / "f.pfm", np.ones((3, 4, 3)))
+    with pytest.raises(DataError, match="third channel of a flow is zero"):
+        read_flow(tmp_path / "f.pfm")
+    (tmp_path / "f.pfm").write_bytes(b"Pf 1 1 -1\n" + bytes(4))
+    with pytest.raises(DataError, match="of three channels"):
+        read_flow(tmp_path / "f.pfm")
+
+
+@pytest.mark.parametrize("suffix", ["npy", "npz", "pfm"])
+def test_large_values_are_unknown_in_every_format(tmp_path, suffix):
+    flow = np.array([[[1.0, 2.0], [1e10, 3.0]]])
+    if suffix == "pfm":
+        write_pfm(tmp_path / "f.pfm", np.dstack([flow, np.zeros((1, 2))]))
+    else:
+        (np.save if suffix == "npy" else np.savez)(tmp_path / f"f.{suffix}", flow)
+    np.testing.assert_array_equal(read_flow(tmp_path / f"f.{suffix}"), [[[1, 2], [np.nan, np.nan]]])
+
+
 def test_npy_infinite_is_unknown(tmp_path):
     np.save(tmp_path / "f.npy", np.array([[[1.0, np.inf], [2.0, 3.0]]]))
     np.testing.assert_array_equal(read_flow(tmp_path / "f.npy"), [[[np.nan, np.nan], [2, 3]]])
@@ -90,13 +158,20 @@ def test_kitti_holds_no_larger_flow(tmp_path, value):
         write_kitti_flow(tmp_path / "f.png", np.full((2, 2, 2), value))
 
 
-@pytest.mark.parametrize("suffix", ["flo", "png", "npy"])
+WRITERS = {
+    "flo": write_flo,
+    "png": write_kitti_flow,
+    "npy": np.save,
+    "npz": np.savez_compressed,
+    "pfm": lambda path, flow: write_pfm(path, np.dstack([flow, np.zeros(flow.shape[:2])])),
+}
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
 def test_every_truncation_is_refused(tmp_path, suffix):
     path = tmp_path / f"f.{suffix}"
-    if suffix == "npy":
-        np.save(path, some_flow())
-    else:
-        (write_flo if suffix == "flo" else write_kitti_flow)(path, some_flow())
+    WRITERS[suffix](path, some_flow())
+    assert read_flow(path).shape == (13, 17, 2)
     data = path.read_bytes()
     for length in [*range(0, len(data) - 1, max(1, len(data) // 30)), len(data) - 1]:
         path.write_bytes(data[:length])

@@ -66,9 +66,9 @@ def test_every_truncation_is_refused(tmp_path, suffix):
 @pytest.mark.parametrize(
     ("header", "message"),
     [
-        (b"PF\n2 2\n-1\n", "not a one-channel .pfm"),
-        (b"Pf\n2 x\n-1\n", "not a one-channel .pfm"),
-        (b"Pf\n-2 2\n-1\n", "not a one-channel .pfm"),
+        (b"PF\n2 2\n-1\n", "not a .pfm file of one channel"),
+        (b"Pf\n2 x\n-1\n", "not a .pfm file of one channel"),
+        (b"Pf\n-2 2\n-1\n", "not a .pfm file of one channel"),
         (b"Pf\n0 2\n-1\n", "impossible header 0 x 2"),
         (b"Pf\n2 2\n0\n", "impossible header"),
         (b"Pf\n2 2\n1-1\n", "impossible header"),

@@ -81,7 +81,7 @@ def test_flow_that_the_format_cannot_hold_is_masked() -> None:
     flow = np.zeros((2, 3, 2))
     flow[0, 0], flow[0, 1] = np.nan, 600.0
     channels = encode_flow(flow, np.ones((2, 3), bool) & np.isfinite(flow[..., 0]), Pinhole(3, 2, 1, 1, 1, 1))
-    assert channels[0, 0, 2] == 100
+    assert channels[0, 0, 2] == 200
     assert (channels[1] == [32768, 32768, 0]).all()
 
 

@@ -1,6 +1,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -165,6 +166,16 @@ def test_flow_of_another_size_is_refused(tmp_path):
     write_flo(tmp_path / "0.flo", np.zeros((16, 12, 2)))
     with pytest.raises(DataError, match=r"0.flo: flow of 12x16 for images of 16x12"):
         FlowFiles("raft", tmp_path).dense(IMAGE, IMAGE)
+
+
+def test_the_coding_of_pngs_can_be_said(tmp_path):
+    image = np.zeros((*SHAPE, 3), np.uint16) + np.array([255, 2**15 - 64, 2**15 + 128], np.uint16)
+    cv2.imwrite(str(tmp_path / "0.png"), image)
+    with pytest.raises(DataError, match="--flow-png kitti"):
+        FlowFiles("raft", tmp_path).dense(IMAGE, IMAGE)
+    method = FlowFiles("raft", tmp_path, png="kitti")
+    assert (method_for_pair(method, Frames(2), 0).dense(IMAGE, IMAGE) == [2, -1]).all()
+    assert describe(method) == describe(FlowFiles("raft"))
 
 
 @pytest.mark.parametrize(("name", "content"), [("0.flo", b"PIEH"), ("0.png", b""), ("0.npy", b"\x93NUMPY")])

@@ -111,7 +111,7 @@ def fingerprints(folder: Path) -> dict[str, str]:
 
 WRITE = """
 import sys
-from flowlik.camera import Pinhole
+from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import simulate, write_sequence
 sequence = simulate("grid", "training", frames=24, camera=Pinhole.from_fov(96, 54, 100.0), baseline_m=0.2)
 write_sequence(sequence, sys.argv[1])

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from flowlik.commands.options import FlowOptions
 from flowlik.datasets.base import read_grey
-from flowlik.datasets.flow_files import KITTI_MOST_PX, read_flow, write_flo, write_kitti_flow
+from flowlik.datasets.flow_files import read_flow, write_flo, write_kitti_flow
+from flowlik.datasets.flow_png import MOST_PX
 from flowlik.datasets.intrinsics import CameraLike, given_camera, read_if_file
 from flowlik.datasets.lens import Lens
 from flowlik.datasets.uncertainty_file import write_uncertainty
@@ -106,11 +107,9 @@ def _write(
     write_flo(run.path / "flow.flo", flow)
     write_uncertainty(run.path / "uncertainty.png", picture["half_width"], picture["angle"])
     with np.errstate(invalid="ignore"):
-        beyond = np.abs(flow).max(axis=-1) > KITTI_MOST_PX
+        beyond = np.abs(flow).max(axis=-1) > MOST_PX
     if beyond.any():
-        run.warn(
-            f"flow.png holds up to {KITTI_MOST_PX} px: {int(beyond.sum())} vectors beyond are left out of it"
-        )
+        run.warn(f"flow.png holds up to {MOST_PX} px: {int(beyond.sum())} vectors beyond are left out of it")
     write_kitti_flow(run.path / "flow.png", np.where(np.expand_dims(beyond, -1), np.nan, flow))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import zipfile
 from pathlib import Path
 
@@ -10,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.datasets.base import MAX_PIXELS
+from flowlik.datasets.pfm import read_pfm
 from flowlik.errors import DataError
 
 Array = NDArray[np.float64]
-
-_PFM_HEADER = re.compile(rb"Pf\s+(\d{1,9})\s+(\d{1,9})\s+(-?\d[0-9.eE+-]{0,30})\s")
 
 
 def read_disparity(path: Path | str) -> Array:
@@ -32,7 +30,7 @@ def read_disparity(path: Path | str) -> Array:
         If the suffix is another, or the file is missing, truncated or not of that format.
     """
     path = Path(path)
-    readers = {".pfm": _read_pfm, ".npz": _read_npz}
+    readers = {".pfm": lambda path: read_pfm(path, 1), ".npz": _read_npz}
     if path.suffix.lower() not in readers:
         raise DataError(f"{path}: unknown disparity format, expected one of {', '.join(readers)}")
     if not path.is_file():
@@ -41,26 +39,6 @@ def read_disparity(path: Path | str) -> Array:
         values = readers[path.suffix.lower()](path).astype(np.float64)
     values[~np.isfinite(values)] = np.nan
     return values
-
-
-def _read_pfm(path: Path) -> NDArray:
-    """One channel of float32, rows from bottom to top; a negative scale says little-endian."""
-    with path.open("rb") as file:
-        header = _PFM_HEADER.match(file.read(100))
-    if header is None:
-        raise DataError(f"{path}: not a one-channel .pfm file (it must begin with Pf, width, height, scale)")
-    width, height = int(header[1]), int(header[2])
-    try:
-        scale = float(header[3])
-    except ValueError:
-        scale = 0.0
-    if scale == 0 or not 0 < width * height <= MAX_PIXELS:
-        raise DataError(f"{path}: impossible header {width} x {height}, scale {header[3].decode()}")
-    expected, found = header.end() + 4 * width * height, path.stat().st_size
-    if found != expected:
-        raise DataError(f"{path}: {found} bytes, but {width} x {height} values take {expected} (truncated?)")
-    values = np.fromfile(path, dtype="<f4" if scale < 0 else ">f4", offset=header.end())
-    return values.reshape(height, width)[::-1]
 
 
 def _read_npz(path: Path) -> NDArray:

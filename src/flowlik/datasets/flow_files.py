@@ -1,32 +1,40 @@
-"""Optical flow on disk: Middlebury .flo, KITTI 16-bit PNG, NumPy .npy."""
+"""Optical flow on disk, in the formats that the field uses."""
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.datasets.base import decode_image
+from flowlik.datasets.flow_png import encode_kitti_flow, read_flow_png
+from flowlik.datasets.pfm import read_pfm
 from flowlik.errors import DataError
-from flowlik.support.files import atomic_write
+from flowlik.support.arrays import Array
+from flowlik.support.files import atomic_write, read_npz
 
-Array = NDArray[np.float64]
+SUFFIXES = (".flo", ".png", ".npy", ".npz", ".pfm")
+"""Flow formats that `read_flow` reads."""
 
 FLO_MAGIC = b"PIEH"
 FLO_MAX_SIDE = 99_999
 FLO_UNKNOWN = 1e9
 """Middlebury marks unknown flow by components of this size or more [px]."""
 
-KITTI_OFFSET = 2**15
-KITTI_SCALE = 64
-KITTI_MOST_PX = 511
 
+def read_flow(path: Path | str, png: str | None = None) -> Array:
+    """Read a flow file; its suffix, one of `SUFFIXES`, names the format.
 
-def read_flow(path: Path | str) -> Array:
-    """Read a flow file; its suffix (.flo, .png, .npy) names the format.
+    Parameters
+    ----------
+    path : Path or str
+        Middlebury ``.flo``; ``.png`` as `flowlik.datasets.flow_png` knows them; ``.pfm`` of three channels,
+        the last of them zero (FlyingThings3D); ``.npy`` of an array (H, W, 2) or (2, H, W), or one of these
+        with axes of length 1 before it; ``.npz`` of one such array, or of ``flow`` with ``valid``.
+    png : str, optional
+        Coding of a PNG, where it shall not tell it itself (`flowlik.datasets.flow_png.PNG_CODINGS`).
 
     Returns
     -------
@@ -36,16 +44,25 @@ def read_flow(path: Path | str) -> Array:
     Raises
     ------
     DataError
-        If the suffix is another, or the file is missing, truncated or not of that format.
+        If the suffix is another, or the file is missing, truncated, not of that format, or can be read in two
+        ways.
     """
     path = Path(path)
-    readers = {".flo": _read_flo, ".png": _read_kitti, ".npy": _read_npy}
+    readers: dict[str, Callable[[Path], NDArray]] = {
+        ".flo": _read_flo,
+        ".png": lambda path: read_flow_png(path, png),
+        ".npy": _read_npy,
+        ".npz": _read_npz,
+        ".pfm": _read_pfm,
+    }
+    assert tuple(readers) == SUFFIXES
     if path.suffix.lower() not in readers:
         raise DataError(f"{path}: unknown flow format, expected one of {', '.join(readers)}")
     if not path.is_file():
         raise DataError(f"{path}: no such flow file")
-    flow = readers[path.suffix.lower()](path)
-    flow[~np.isfinite(flow).all(axis=-1)] = np.nan
+    with np.errstate(invalid="ignore", over="ignore"):  # a signalling NaN is as unknown as any other
+        flow = readers[path.suffix.lower()](path).astype(np.float64)
+        flow[~(np.abs(flow) < FLO_UNKNOWN).all(axis=-1)] = np.nan
     return flow
 
 
@@ -74,14 +91,12 @@ def write_kitti_flow(path: Path | str, flow: Array) -> None:
         If the flow has another shape, or a component outside [-512, 512) px.
     """
     _shape(flow)
-    valid = np.asarray(np.isfinite(flow).all(axis=-1))
-    codes = np.rint(np.where(valid[..., None], flow, 0) * KITTI_SCALE) + KITTI_OFFSET
-    if codes.min() < 0 or codes.max() >= 2 * KITTI_OFFSET:
-        raise DataError(f"{path}: KITTI's flow format holds -512 to 512 px, the flow has more")
-    codes[~valid] = 0
-    image = np.dstack([valid, codes[..., 1], codes[..., 0]]).astype(np.uint16)  # OpenCV's order: B, G, R
+    try:
+        data = encode_kitti_flow(flow)
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from error
     with atomic_write(path, "wb") as file:
-        file.write(cv2.imencode(".png", image)[1].tobytes())
+        file.write(data)
 
 
 def _read_flo(path: Path) -> Array:
@@ -95,35 +110,54 @@ def _read_flo(path: Path) -> Array:
     expected, found = 12 + 8 * width * height, path.stat().st_size
     if found != expected:
         raise DataError(f"{path}: {found} bytes, but {width} x {height} vectors take {expected} (truncated?)")
-    values = np.fromfile(path, dtype="<f4", offset=12).reshape(height, width, 2)
-    with np.errstate(invalid="ignore"):  # a signalling NaN is as unknown as any other
-        flow = values.astype(np.float64)
-    flow[np.abs(flow) >= FLO_UNKNOWN] = np.nan
-    return flow
+    return np.fromfile(path, dtype="<f4", offset=12).reshape(height, width, 2)
 
 
-def _read_kitti(path: Path) -> Array:
-    image = decode_image(path, cv2.IMREAD_UNCHANGED)
-    if image.dtype != np.uint16 or image.ndim != 3 or image.shape[2] != 3:
-        raise DataError(f"{path}: not a KITTI flow file (a PNG of three 16-bit channels)")
-    flow = (image[..., [2, 1]].astype(np.float64) - KITTI_OFFSET) / KITTI_SCALE
-    flow[image[..., 0] == 0] = np.nan
-    return flow
-
-
-def _read_npy(path: Path) -> Array:
+def _read_npy(path: Path) -> NDArray:
     try:
         # Mapped, a header that promises more than the file holds is refused before memory is asked for.
         flow = np.load(path, mmap_mode="r", allow_pickle=False)
     except Exception as error:  # NumPy's parser of headers raises a dozen kinds
         raise DataError(f"{path}: not a readable .npy file (truncated or of another kind)") from error
-    if not isinstance(flow, np.ndarray) or flow.dtype.kind not in "fiu":
+    return np.array(_components_last(flow, path))
+
+
+def _read_npz(path: Path) -> NDArray:
+    arrays = read_npz(path)
+    if len(arrays) == 1:
+        (flow,) = arrays.values()
+        return _components_last(flow, path)
+    if set(arrays) != {"flow", "valid"}:
+        raise DataError(
+            f"{path}: holds {', '.join(map(repr, arrays)) or 'nothing'}, but expected one array (NaN where "
+            "unknown), or `flow` with `valid`"
+        )
+    flow, valid = _components_last(arrays["flow"], path), np.squeeze(arrays["valid"])
+    if valid.shape != flow.shape[:2] or valid.dtype.kind not in "biuf":
+        raise DataError(f"{path}: `valid` of {valid.dtype} {valid.shape} for a flow {flow.shape}")
+    return np.where((valid > 0)[..., None], flow, np.nan)
+
+
+def _read_pfm(path: Path) -> NDArray:
+    values = read_pfm(path, 3)
+    if values[..., 2].any():
+        raise DataError(f"{path}: the third channel of a flow is zero, this one has other values: no flow?")
+    return values[..., :2]
+
+
+def _components_last(array: object, path: Path) -> NDArray:
+    """Flow (H, W, 2) of an array that has u and v first or last."""
+    if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu":
         raise DataError(f"{path}: not an array of real numbers")
-    try:
-        _shape(flow)
-    except DataError as error:
-        raise DataError(f"{path}: {error}") from error
-    return np.array(flow, dtype=np.float64)
+    found = array
+    while found.ndim > 3 and len(found) == 1:
+        found = found[0]
+    # no image is two pixels wide: (2, H, 2) has u and v last
+    if found.ndim == 3 and found.shape[2] != 2 and len(found) == 2:
+        found = found.transpose(1, 2, 0)
+    if found.ndim != 3 or found.shape[2] != 2 or found.size == 0:
+        raise DataError(f"{path}: flow must have shape (H, W, 2) or (2, H, W), not {array.shape}")
+    return found
 
 
 def _shape(flow: NDArray) -> tuple[int, int]:

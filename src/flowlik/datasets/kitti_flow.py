@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,8 @@ class KittiFlow(ImagePairs):
     DataError
         If there are no images, or one lacks its partner.
     """
+
+    png: ClassVar[str | None] = "kitti"
 
     def __init__(self, folder: Path | str) -> None:
         self.folder = Path(folder)
@@ -74,5 +77,5 @@ class KittiFlow(ImagePairs):
         path = self.folder / "flow_noc" / first.name
         if not path.is_file():
             raise lacks(self.name, f"visibility for {first.name} (no {path})")
-        flow = of_size(read_flow(path), self._shape(i), path, first.name)
+        flow = of_size(read_flow(path, self.png), self._shape(i), path, first.name)
         return np.asarray(np.isfinite(flow).all(axis=-1))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,8 @@ class ImagePair:
 class ImagePairs(PairSequence, Lacking):
     """Pairs of images of one size each, with true flow; frames 2i and 2i + 1 are pair i.
 
+    ``png`` is the coding of true flow in PNG files, where the data set has one.
+
     Parameters
     ----------
     name : str
@@ -33,6 +36,8 @@ class ImagePairs(PairSequence, Lacking):
     pairs : list of ImagePair
         Files.
     """
+
+    png: ClassVar[str | None] = None
 
     def __init__(self, name: str, pairs: list[ImagePair]) -> None:
         self.name = name
@@ -88,7 +93,7 @@ class ImagePairs(PairSequence, Lacking):
         return k // 2
 
     def _read_truth(self, path: Path) -> NDArray[np.float64]:
-        return read_flow(path)
+        return read_flow(path, self.png)
 
     def _shape(self, i: int) -> tuple[int, ...]:
         if i not in self._shapes:

@@ -23,6 +23,7 @@ from flowlik.datasets.base import (
     true_flow,
     visibility_next,
 )
+from flowlik.datasets.flow_png import TARTANAIR_UNKNOWN
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.trajectory import read_times
@@ -213,13 +214,13 @@ def _decode_depth(channels: NDArray[np.uint8], path: Path) -> NDArray[np.float64
 def encode_flow(flow: NDArray[np.float64], visible: NDArray[np.bool_], camera: Pinhole) -> NDArray[np.uint16]:
     """Three-channel image (H, W, 3), in OpenCV's order: u and v as 64 * flow + 32768, and a mask.
 
-    The mask is 0 where the pixel is seen again, 1 where occluded, 100 where its end lies outside the image or
-    has no value that the format holds.
+    The mask is 0 where the pixel is seen again, 1 where occluded, 100 where its end lies outside the image,
+    200 where there is no flow or none that the format holds.
     """
     levels = np.rint(64 * np.nan_to_num(flow, nan=0.0, posinf=1e6, neginf=-1e6) + 32768)
     held = np.isfinite(flow).all(axis=-1) & (np.abs(levels - 32768) < 32768).all(axis=-1)
     inside = held & camera.contains(camera.pixel_grid().reshape(flow.shape) + flow)
-    mask = np.where(visible, 0, np.where(inside, 1, 100))
+    mask = np.select([~held, visible, inside], [TARTANAIR_UNKNOWN, 0, 1], 100)
     return np.dstack([np.clip(levels, 0, 65535), mask]).astype(np.uint16)
 
 

@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from flowlik.datasets.flow_files import SUFFIXES, read_flow
 from flowlik.errors import DataError, ModelError
 from flowlik.flow.base import NOT_RECORDED, DenseFlow, FlowOfPairs, Image, as_dense, check_pair
 
 if TYPE_CHECKING:
     from flowlik.datasets.base import ImageSequence
 
-SUFFIXES = (".flo", ".png", ".npy")
 LABEL = re.compile(r"\w[\w.-]*")
 
 
 @dataclass(frozen=True)
 class FlowFiles(DenseFlow, FlowOfPairs):
-    """Dense flow estimated elsewhere, in files: Middlebury .flo, KITTI 16-bit PNG or NumPy .npy.
+    """Dense flow estimated elsewhere, in files that `flowlik.datasets.flow_files.read_flow` reads.
 
     The i-th file, by name and with numbers in it by value, is the flow of the i-th pair. In folders
     ``forward`` and ``backward`` there may be the flow from frame k + 1 to k of each pair too.
@@ -46,6 +46,7 @@ class FlowFiles(DenseFlow, FlowOfPairs):
     label: str
     path: Path | None = field(default=None, metadata=NOT_RECORDED)
     back: Path | None = field(default=None, metadata=NOT_RECORDED)
+    png: str | None = field(default=None, metadata=NOT_RECORDED)
 
     def __post_init__(self) -> None:
         if not (isinstance(self.label, str) and LABEL.fullmatch(self.label)):
@@ -88,11 +89,9 @@ class FlowFiles(DenseFlow, FlowOfPairs):
         DataError
             If the file cannot be read, or is not of the images' size.
         """
-        from flowlik.datasets.flow_files import read_flow
-
         check_pair(previous, current)
         path = self._of_two_images()._path()
-        flow = read_flow(path)
+        flow = read_flow(path, self.png)
         if flow.shape[:2] != previous.shape:
             sizes = f"{flow.shape[1]}x{flow.shape[0]} for images of {previous.shape[1]}x{previous.shape[0]}"
             raise DataError(f"{path}: flow of {sizes}")
