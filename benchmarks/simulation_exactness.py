@@ -11,11 +11,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import PAPER_CAMERA, SimulatedSequence
-from flowlik.simulation.geometry import Instances, Prototype, placed
-from flowlik.simulation.light import Light
-from flowlik.simulation.materials import Material, Surface
-from flowlik.simulation.meshes import quad
-from flowlik.simulation.scene import Scene
+from flowlik.simulation.render.daylight import Light
+from flowlik.simulation.render.materials import Material, Surface
+from flowlik.simulation.render.meshes import quad
+from flowlik.simulation.render.prototypes import Instances, Prototype, placed
+from flowlik.simulation.render.scene import Scene
 
 # the oracle is the tests' own
 sys.path.append(str(Path(__file__).parents[1]))
@@ -60,7 +60,7 @@ def flow_error(sequence: SimulatedSequence, k: int) -> tuple[float, int]:
 
 def embree_agreement(scene: Scene, poses: RigidTransform, camera: Pinhole) -> list[float]:
     """Share of pixels within 1e-4 of Embree's depth, a pose each; pixels that only one hits count against."""
-    from tests.simulation.embree import agreement, cast
+    from tests.simulation.render.embree import agreement, cast
 
     shares = []
     for pose in poses:

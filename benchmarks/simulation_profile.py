@@ -9,10 +9,11 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from flowlik.simulation import SimulatedSequence, scene
-from flowlik.simulation._compile import kernel
-from flowlik.simulation.raster import render
-from flowlik.simulation.raster._visibility import SAMPLES, TILE, clear, draw
+from flowlik.simulation import SimulatedSequence
+from flowlik.simulation.render import scene
+from flowlik.simulation.render._compile import kernel
+from flowlik.simulation.render.raster import frame as render
+from flowlik.simulation.render.raster._visibility import SAMPLES, TILE, clear, draw
 
 STAGES = [
     ("image", SimulatedSequence, "image"),

@@ -9,6 +9,7 @@ import flowlik
 SOURCE = Path(flowlik.__file__).parent
 ROOMS = """errors support geometry results image datasets flow measurement likelihood calibration egomotion
     odometry evaluation comparison report simulation commands cli"""
+WINGS = "base render things worlds flight __init__"  # of the simulation; its __init__ is its face
 MODULES = {".".join(path.relative_to(SOURCE).with_suffix("").parts): path for path in SOURCE.rglob("*.py")}
 
 
@@ -31,15 +32,33 @@ def first_known(*names: str) -> str | None:
 IMPORTS = {module: imported(path) for module, path in MODULES.items()}
 
 
-def test_no_module_imports_to_its_right():
-    place = {room: i for i, room in enumerate(ROOMS.split())}
-    upward = [
+def upward(order: str, inside: str) -> list[str]:
+    """Imports of something further right, by the names that follow `inside` in those of modules."""
+    place = {name: i for i, name in enumerate(order.split())}
+
+    def place_of(module: str) -> int:
+        return place[module.removeprefix(inside).split(".")[0]]
+
+    return [
         f"{module} imports {other}"
         for module, others in IMPORTS.items()
         for other in others
-        if module != "__init__" and place[other.split(".")[0]] > place[module.split(".")[0]]
+        if module.startswith(inside) and other.startswith(inside) and place_of(other) > place_of(module)
     ]
-    assert not upward
+
+
+def test_no_module_imports_to_its_right():
+    assert not upward(f"{ROOMS} __init__", "")
+
+
+def test_no_wing_of_the_simulation_imports_to_its_right():
+    assert not upward(WINGS, "simulation.")
+
+
+def test_no_world_imports_another():
+    worlds = {m: m.split(".")[2] for m in IMPORTS if m.startswith("simulation.worlds.") and m.count(".") > 2}
+    assert set(worlds.values()) == {"forest", "driving", "planes"}
+    assert not [m for m, w in worlds.items() for o in IMPORTS[m] if worlds.get(o, w) != w]
 
 
 def test_no_modules_import_each_other():

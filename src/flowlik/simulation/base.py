@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.geometry.camera import Pinhole
-
-Array = NDArray[np.float64]
+from flowlik.support.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -39,8 +38,8 @@ class World(Protocol):
 
     World axes {n} are x right, y down, z forward. Worlds are hashable, and equal worlds render equal bytes:
     frames are cached by world. Every world keeps the neighbourhood of the centre lines in
-    `flowlik.simulation.paths` free of geometry, so that every trajectory can be flown in it; `driving` is
-    built along the poses it is given instead.
+    `flowlik.simulation.worlds.paths` free of geometry, so that every trajectory can be flown in it;
+    `driving` is built along the poses it is given instead.
     """
 
     @property

@@ -1,0 +1,1 @@
+"""Flights through a world: trajectories, the sensor, sequences, and what is written of them."""

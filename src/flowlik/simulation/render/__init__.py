@@ -1,0 +1,1 @@
+"""From shapes, materials and daylight to pictures with exact depth."""

@@ -1,0 +1,1 @@
+"""Tileable grey textures by name, drawn from a seed."""

@@ -1,0 +1,1 @@
+"""A road with everything beside it, along any route."""

@@ -1,0 +1,1 @@
+"""Trees, undergrowth, rocks and houses beside a track."""

@@ -1,0 +1,1 @@
+"""A closed hall with rectangles in it, textured or patterned."""
