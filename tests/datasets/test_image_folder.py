@@ -85,7 +85,7 @@ def test_times_come_from_a_rate_or_a_file(tmp_path):
     timed = ImageFolder(folder)
     assert (timed.timestamp(3), timed.times_source) == (0.6, "times.txt")
     (folder / "times.txt").write_text("0\n0.1\n")
-    with pytest.raises(DataError, match=r"times\.txt: 2 times for 4 images"):
+    with pytest.raises(DataError, match=r"times\.txt: 2 times for the 4 images .* 4 or 11 or 12"):
         ImageFolder(folder)
 
 

@@ -104,11 +104,10 @@ def test_without_poses_only_poses_are_missing(tmp_path):
             read(0)
 
 
-@pytest.mark.parametrize("count", [3, 5])
-def test_pose_rows_must_equal_images(tmp_path, count):
+def test_pose_rows_must_be_there_for_all_images(tmp_path):
     folder = make_sequence(tmp_path / "a")
-    write_poses(folder / "poses.txt", count)
-    with pytest.raises(DataError, match=rf"poses\.txt: {count} poses for the 4 images"):
+    write_poses(folder / "poses.txt", 3)
+    with pytest.raises(DataError, match=r"poses\.txt: 3 poses for the 4 images numbered 0 to 3, expected 4"):
         KittiOdometry(folder).T_n_c(0)
 
 

@@ -130,11 +130,11 @@ def test_bad_files_are_named_when_they_are_used(
     ("poses", "message"),
     [
         ("1 2 3 0 0 0\n" * 3, "7 columns .*, found 6"),
-        ("1 2 3 0 0 0 1\n" * 2, "2 poses for 3 images"),
+        ("1 2 3 0 0 0 1\n" * 2, "2 poses for the 3 images numbered 0 to 2, expected 3"),
         ("1 2 3 0 0 0 0\n" * 3, "unit quaternion"),
         ("1 2 3 0 0 0 x\n" * 3, "not a table of numbers"),
         ("1 2 3 0 0 0 1\n1 2\n1 2\n", "not a table of numbers"),
-        ("", "0 poses for 3 images"),
+        ("", "0 poses for the 3 images"),
     ],
 )
 def test_bad_pose_files_are_refused(folder: Path, poses: str, message: str) -> None:
@@ -158,7 +158,7 @@ def test_times_of_a_file_are_taken(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("0\n1\n", "2 times for 3 images"),
+        ("0\n1\n", "2 times for the 3 images"),
         ("0\n2\n1\n", "times must increase"),
         ("0\nx\n1\n", "not a finite number"),
     ],
@@ -212,7 +212,7 @@ def test_a_missing_right_image_is_one_clear_error(folder: Path) -> None:
 def test_missing_folder_and_missing_images(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="no such folder"):
         TartanAir(tmp_path / "absent")
-    with pytest.raises(DataError, match="not a TartanAir V2 folder"):
+    with pytest.raises(DataError, match="not a TartanAir folder"):
         TartanAir(tmp_path)
 
 

@@ -1,4 +1,5 @@
 import pickle
+import struct
 import subprocess
 import sys
 
@@ -7,6 +8,8 @@ import numpy as np
 import pytest
 
 from flowlik.datasets import open_sequence
+from flowlik.datasets.base import notes_of
+from flowlik.datasets.selection import select_frames
 from flowlik.datasets.video import Video
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.geometry.camera import Pinhole
@@ -21,16 +24,21 @@ def frame(k: int) -> np.ndarray:
     return (picture(k, WIDTH, HEIGHT) // 8 + np.uint8(8 * k)).astype(np.uint8)
 
 
+def write_video(path, code):
+    """Twenty frames a second."""
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*code), 20, (WIDTH, HEIGHT))
+    if not writer.isOpened():
+        pytest.skip(f"this OpenCV writes no {path.suffix}")
+    for k in range(FRAMES):
+        writer.write(cv2.cvtColor(frame(k), cv2.COLOR_GRAY2BGR))
+    writer.release()
+
+
 @pytest.fixture(params=[("avi", "MJPG"), ("mp4", "mp4v")], ids=["avi", "mp4"])
 def video(tmp_path, request):
     suffix, code = request.param
     path = tmp_path / f"walk.{suffix}"
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*code), 20, (WIDTH, HEIGHT))
-    if not writer.isOpened():
-        pytest.skip(f"this OpenCV writes no {suffix}")
-    for k in range(FRAMES):
-        writer.write(cv2.cvtColor(frame(k), cv2.COLOR_GRAY2BGR))
-    writer.release()
+    write_video(path, code)
     return path
 
 
@@ -94,3 +102,83 @@ def test_other_files_are_no_video(tmp_path):
         Video(tmp_path / "none.mp4")
     with pytest.raises(DataError, match="no such video file"):
         Video(tmp_path)
+
+
+def with_stamps(path, durations_ms, keep_edits=False):
+    """Rewrite how long each frame of an mp4 that OpenCV wrote is shown: its table comes after the frames."""
+    data = bytearray(path.read_bytes())
+    if not keep_edits:
+        data = data.replace(b"edts", b"free")
+    at = data.index(b"stts") - 4
+    old = int.from_bytes(data[at : at + 4], "big")
+    rows = b"".join(struct.pack(">II", 1, ms) for ms in durations_ms)
+    new = struct.pack(">I4sII", 16 + len(rows), b"stts", 0, len(durations_ms)) + rows
+    for name in (b"moov", b"trak", b"mdia", b"minf", b"stbl"):
+        start = data.index(name, data.index(b"moov")) - 4
+        size = int.from_bytes(data[start : start + 4], "big")
+        data[start : start + 4] = struct.pack(">I", size + len(new) - old)
+    data[at : at + old] = new
+    scale = data.index(b"mdhd") + 16
+    data[scale : scale + 8] = struct.pack(">II", 1000, sum(durations_ms))
+    path.write_bytes(data)
+
+
+def test_times_are_the_containers_stamps(tmp_path):
+    path = tmp_path / "phone.mp4"
+    write_video(path, "mp4v")
+    durations = [33, 34, 67, 1000] + [33] * (FRAMES - 4)
+    with_stamps(path, durations)
+    sequence = open_sequence(path)
+    assert (len(sequence), sequence.times_source) == (FRAMES, "container")
+    expected = np.concatenate([[0], np.cumsum(durations[:-1])]) / 1000
+    assert [sequence.timestamp(k) for k in range(FRAMES)] == pytest.approx(list(expected), abs=1e-3)
+    assert sequence.image(3).mean() == pytest.approx(frame(3).mean(), abs=3)
+    with pytest.raises(DataError, match=f"no frame {FRAMES}"):
+        sequence.timestamp(FRAMES)
+    told = open_sequence(path, frames_per_second=20)
+    assert (told.timestamp(4), told.times_source) == (0.2, "frame/20s")
+
+
+def test_stamps_that_do_not_advance_are_refused_or_skipped(tmp_path):
+    path = tmp_path / "phone.mp4"
+    write_video(path, "mp4v")
+    with_stamps(path, [33, 33, 0] + [33] * (FRAMES - 3))
+    with pytest.raises(DataError, match=r"phone\.mp4, time stamps .*must increase, but number 2"):
+        open_sequence(path).timestamp(0)
+    chosen, skipped = select_frames(open_sequence(path, lenient=True), skip_bad=True)
+    assert (len(chosen), [bad.frame for bad in skipped]) == (FRAMES - 1, [3])
+
+
+def test_sound_that_is_longer_than_the_film_is_no_damage(tmp_path):
+    path = tmp_path / "film.mkv"
+    write_video(path, "mp4v")
+    data = bytearray(path.read_bytes())
+    at = data.index(b"\x44\x89\x88") + 3  # Matroska's duration is that of everything, sound too
+    data[at : at + 8] = struct.pack(">d", 10 * struct.unpack(">d", data[at : at + 8])[0])
+    path.write_bytes(data)
+    sequence = open_sequence(path)
+    assert cv2.VideoCapture(str(path)).get(cv2.CAP_PROP_FRAME_COUNT) > 5 * FRAMES
+    assert len(sequence) == FRAMES
+    assert sequence.timestamp(10) == pytest.approx(0.5, abs=1e-3)
+    path.write_bytes(data[: int(0.7 * len(data))])
+    with pytest.raises(DataError, match=r"film\.mkv: not a readable video .truncated"):
+        open_sequence(path)
+
+
+def test_a_film_that_ends_before_its_header_says_is_told(tmp_path):
+    path = tmp_path / "phone.mp4"
+    write_video(path, "mp4v")
+    assert notes_of(open_sequence(path)) == ()
+    with_stamps(path, [100] * FRAMES, keep_edits=True)  # its edit list shows the first 1.25 s
+    sequence = open_sequence(path)
+    assert len(sequence) == 13
+    (note,) = notes_of(sequence)
+    assert "its header claims 2.50 s, frames up to 1.20 s can be decoded" in note
+
+
+def test_a_name_that_is_not_text_is_refused(tmp_path):
+    path = tmp_path / "a.avi"
+    write_video(path, "MJPG")
+    path = path.rename(tmp_path / "caf\udce9.avi")
+    with pytest.raises(DataError, match="a video's name must be UTF-8"):
+        open_sequence(path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import sys
 
 
@@ -11,6 +12,9 @@ def main() -> None:
     from flowlik.cli.app import app
     from flowlik.errors import FlowlikError
 
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a file's name need not be text
+            stream.reconfigure(errors="backslashreplace")
     try:
         app()
     except FlowlikError as error:

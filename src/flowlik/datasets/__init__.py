@@ -49,16 +49,16 @@ def _open_kitti_raw(path: Path, **options: Any) -> ImageSequence:
     return KittiRaw(path, **options)
 
 
-def _open_tartanair(path: Path) -> ImageSequence:
+def _open_tartanair(path: Path, **options: Any) -> ImageSequence:
     from flowlik.datasets.tartanair import TartanAir
 
-    return TartanAir(path)
+    return TartanAir(path, **options)
 
 
-def _open_sintel(path: Path) -> ImageSequence:
+def _open_sintel(path: Path, **options: Any) -> ImageSequence:
     from flowlik.datasets.sintel import Sintel
 
-    return Sintel(path)
+    return Sintel(path, **options)
 
 
 def _open_kitti_flow(path: Path) -> ImageSequence:
@@ -129,16 +129,20 @@ FORMATS: dict[str, Format] = {
     "kitti-flow": Format(_open_kitti_flow, layouts.kitti_flow, "image_2, image_0 or colored_0 with flow_occ"),
     "kitti": Format(_open_kitti, layouts.kitti, "image_0 or image_2", ("lenient",)),
     "kitti-raw": Format(_open_kitti_raw, layouts.kitti_raw, "image_00 or image_02", ("lenient",)),
-    "tartanair": Format(_open_tartanair, layouts.tartanair, "image_lcam_front"),
-    "sintel": Format(_open_sintel, layouts.sintel, "frame_NNNN.png, the folder being training/clean/SCENE"),
+    "tartanair": Format(_open_tartanair, layouts.tartanair, "image_lcam_front or image_left", ("lenient",)),
+    "sintel": Format(
+        _open_sintel, layouts.sintel, "frame_NNNN.png, the folder being training/clean/SCENE", ("lenient",)
+    ),
     "middlebury-flow": Format(_open_middlebury_flow, layouts.middlebury_flow, "frame10.png"),
     "middlebury-stereo": Format(_open_middlebury_stereo, layouts.middlebury_stereo, "im0.png with disp0.pfm"),
     "flying-chairs": Format(_open_flying_chairs, layouts.flying_chairs, "NNNNN_flow.flo"),
-    "seven-scenes": Format(_open_seven_scenes, layouts.seven_scenes, "frame-NNNNNN.color.png", ("camera",)),
+    "seven-scenes": Format(
+        _open_seven_scenes, layouts.seven_scenes, "frame-NNNNNN.color.png", ("camera", "lenient")
+    ),
     "tum-rgbd": Format(_open_tum_rgbd, layouts.tum_rgbd, "rgb.txt with depth.txt", ("camera",)),
     "euroc": Format(_open_euroc, layouts.euroc, "mav0/cam0"),
     "ros": Format(_open_ros, layouts.ros, "a ROS bag or .mcap", ("camera", "topic")),
-    "video": Format(_open_video, layouts.video, "a file such as .mp4", _BOTH),
+    "video": Format(_open_video, layouts.video, "a file such as .mp4", (*_BOTH, "lenient")),
     "image-folder": Format(_open_image_folder, layouts.image_folder, "images", (*_BOTH, "lenient")),
 }
 """Formats by name, in the order in which they are tried on a folder: the more particular layout first."""

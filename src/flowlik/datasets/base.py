@@ -30,7 +30,8 @@ class ImageSequence(Protocol):
     """Frames of one camera in time order.
 
     What a data set lacks (poses, depth, ...) is not guessed: the method raises one DataError that
-    names data set and field. ``name`` identifies the sequence in results.
+    names data set and field. ``name`` identifies the sequence in results. A reader that had to choose how it
+    takes its files says so in ``notes``, see `notes_of`.
     """
 
     name: str
@@ -164,6 +165,11 @@ def of_size(values: NDArray[_T], shape: tuple[int, ...], path: Path, other: str)
 
 def _size(shape: tuple[int, ...]) -> str:
     return " x ".join(map(str, shape[1::-1]))
+
+
+def notes_of(sequence: ImageSequence) -> tuple[str, ...]:
+    """What the reader of a sequence chose and its user should know, a sentence each."""
+    return tuple(getattr(sequence, "notes", ()))
 
 
 def frame_index(sequence: ImageSequence, k: int) -> int:

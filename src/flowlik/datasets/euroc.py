@@ -17,7 +17,7 @@ from flowlik.datasets.poses import nearest, rigid_transform
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.trajectory import ROTATION_TOLERANCE, check_times
-from flowlik.support.files import numbers
+from flowlik.support.files import numbers, printable
 
 TOLERANCE_S = 0.003
 """Half the period of the poses (200 Hz), and a little more."""
@@ -69,7 +69,7 @@ class Euroc(FrameFiles):
             times, files = times[kept], [files[i] for i in np.flatnonzero(kept)]
         self._times = times
         scene = folder.resolve().parent.name if mav is folder else folder.resolve().name
-        super().__init__(f"euroc/{scene}", files)
+        super().__init__(f"euroc/{printable(scene)}", files)
         height, width = self.shape
         if (width, height) != self._sensor.resolution:
             claimed = " x ".join(map(str, self._sensor.resolution))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from flowlik.datasets.pairs import ImagePair, ImagePairs
 from flowlik.errors import DataError
+from flowlik.support.files import printable
 
 IMAGES = (("img1", "img2"), ("img0", "img1"))
 """Ends of the names of first and second image: of the release, and of samples that count from 0."""
@@ -41,7 +42,7 @@ class FlyingChairs(ImagePairs):
         if not flows:
             raise DataError(f"{inside}: no NNNNN_flow.flo, not a FlyingChairs folder")
         pairs = [_pair(inside, names, flow) for flow in flows]
-        super().__init__(f"flying-chairs/{folder.resolve().name}", pairs)
+        super().__init__(f"flying-chairs/{printable(folder.resolve().name)}", pairs)
 
 
 def _pair(folder: Path, names: set[str], flow: str) -> ImagePair:

@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-import re
+from itertools import pairwise
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from flowlik.datasets.base import frame_index
 from flowlik.datasets.frames import FrameFiles
 from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_camera
 from flowlik.datasets.layouts import IMAGE_SUFFIXES
+from flowlik.datasets.naming import in_order, last_number
+from flowlik.datasets.numbering import Numbered
 from flowlik.errors import DataError
 from flowlik.geometry.trajectory import read_times
+from flowlik.support.files import printable
 
 
 class ImageFolder(GivenCamera, FrameFiles):
     """The images of one size in a folder, a `ImageSequence` without truth.
 
-    They are taken in the order of their names, in which numbers count as numbers (``2.png`` before
-    ``10.png``). Times are those of ``times.txt`` (one [s] a row) if there is one in the folder, else frame /
-    frame rate.
+    They are taken in the order of their names, in which numbers count as numbers and fractions as fractions
+    (`flowlik.datasets.naming`). Times are those of ``times.txt`` (one [s] a row) if there is one in the
+    folder: a row an image, or a row for every number in the images' names. Else they are frame / frame rate.
 
     Parameters
     ----------
@@ -40,8 +46,8 @@ class ImageFolder(GivenCamera, FrameFiles):
     Raises
     ------
     DataError
-        If there are no images, the camera does not fit, the frame rate is not positive, or times do not
-        increase or are not one an image.
+        If there are no images, or two of a name, the camera does not fit, the frame rate is not positive, or
+        times do not increase or are not those of these images.
     """
 
     def __init__(
@@ -57,13 +63,11 @@ class ImageFolder(GivenCamera, FrameFiles):
         files = image_files(folder)
         if not files:
             raise DataError(f"{folder}: no images (files ending in {', '.join(sorted(IMAGE_SUFFIXES))})")
-        super().__init__(f"image-folder/{folder.resolve().name}", files, lenient)
+        super().__init__(f"image-folder/{printable(folder.resolve().name)}", files, lenient)
         self._camera = None if camera is None else given_camera(camera, self.shape)
         self.frames_per_second = check_rate(1.0 if frames_per_second is None else frames_per_second)
         path = folder / "times.txt"
-        self._times_s = read_times(path, increasing=not lenient) if path.is_file() else None
-        if self._times_s is not None and len(self._times_s) != len(files):
-            raise DataError(f"{path}: {len(self._times_s)} times for {len(files)} images")
+        self._times_s = _times(path, files, lenient) if path.is_file() else None
         rate = f"frame/{self.frames_per_second:g}s"
         self.times_source = rate if self._times_s is None else "times.txt"
 
@@ -80,9 +84,9 @@ class ImageFolder(GivenCamera, FrameFiles):
 
 
 def image_files(folder: Path) -> list[Path]:
-    """Images of a folder in the order of their names, numbers as numbers."""
+    """Images of a folder in the order of their names, see `flowlik.datasets.naming.in_order`."""
     files = [path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES and path.is_file()]
-    return sorted((path for path in files if not path.name.startswith(".")), key=_natural)
+    return in_order(path for path in files if not path.name.startswith("."))
 
 
 def check_rate(frames_per_second: float) -> float:
@@ -98,6 +102,13 @@ def check_rate(frames_per_second: float) -> float:
     return float(frames_per_second)
 
 
-def _natural(path: Path) -> tuple[list[tuple[int, str]], str]:
-    parts = re.split(r"([0-9]+)", path.name)
-    return [(int(part) if i % 2 else 0, "" if i % 2 else part) for i, part in enumerate(parts)], path.name
+def _times(path: Path, files: list[Path], lenient: bool) -> NDArray[np.float64]:
+    """Times (N,) [s] of the images: all rows, or those of the numbers in their names."""
+    times_s = read_times(path, increasing=not lenient)
+    if len(times_s) == len(files):
+        return times_s
+    numbers = [number for file in files if (number := last_number(file)) is not None]
+    if len(numbers) < len(files) or any(b <= a for a, b in pairwise(numbers)):
+        raise DataError(f"{path}: {len(times_s)} times for the {len(files)} images")
+    frames = Numbered(files, np.array(numbers))
+    return times_s[frames.rows(len(times_s), "times", path)]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +12,16 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.datasets.base import frame_index, lacks, read_grey
 from flowlik.datasets.frames import Lacking, first_readable
+from flowlik.datasets.numbering import Numbered, numbered
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.trajectory import FRAME_RATE, read_kitti_poses, read_times
-from flowlik.support.files import numbers, read_text
+from flowlik.support.files import numbers, printable, read_text
 
 IMAGE_FOLDERS = {"image_0": "P0", "image_2": "P2"}
 """Image folders in the order of preference, each with the row of ``calib.txt`` of its camera."""
+
+IMAGE_KINDS = frozenset({".png", ".jpg", ".jpeg"})
 
 RIGHT_FOLDERS = {"image_0": "image_1", "image_2": "image_3"}
 IMAGE_FOLDERS_RIGHT = {"image_0": "P1", "image_2": "P3"}
@@ -54,15 +56,17 @@ class KittiOdometry(Lacking):
     """One sequence of the KITTI odometry benchmark, or a clip of one, as a `ImageSequence`.
 
     Images are those of ``image_0``, else of ``image_2`` (as grey). KITTI's poses are those of camera 0;
-    `T_n_c` gives those of the camera whose images are read. {n} is the frame of the pose file.
+    `T_n_c` gives those of the camera whose images are read. {n} is the frame of the pose file. An image's
+    number says which rows of poses and times are its own: row k is frame k where there are rows for all
+    numbers; else there must be as many rows as images, the first that of the first image.
 
     Parameters
     ----------
     folder : Path or str
-        The sequence: ``calib.txt``, ``image_0`` or ``image_2`` with consecutively numbered PNG files,
-        and, optional, ``times.txt``.
+        The sequence: ``calib.txt``, ``image_0`` or ``image_2`` with consecutively numbered PNG or JPEG
+        files, and, optional, ``times.txt``.
     poses : Path or str, optional
-        Pose file, one row an image. By default ``poses.txt`` in the folder (a clip's own), else
+        Pose file, one row a frame. By default ``poses.txt`` in the folder (a clip's own), else
         ``../../poses/NN.txt`` (the official layout). It is read when a pose is first asked for.
     lenient : bool
         Images may be missing between others, and times go back: what cannot be used is told when it is read.
@@ -78,15 +82,16 @@ class KittiOdometry(Lacking):
     ------
     DataError
         If images or calibration are missing or wrong, images are not numbered without gaps, or times
-        do not increase or are not one an image.
+        do not increase or are not those of these frames.
     """
 
     def __init__(self, folder: Path | str, poses: Path | str | None = None, lenient: bool = False) -> None:
         self.folder = Path(folder)
-        self.name = f"kitti/{self.folder.resolve().name}"
+        self.name = f"kitti/{printable(self.folder.resolve().name)}"
         self._poses_file = None if poses is None else Path(poses)
         self._images = images = images_in(self.folder, IMAGE_FOLDERS, "KITTI sequence")
-        self._files = numbered_images(self.folder / images, lenient)
+        self._frames = numbered_images(self.folder / images, lenient)
+        self._files = self._frames.files
         K, self._t_c_0 = read_calibration(self.folder / "calib.txt", IMAGE_FOLDERS[images])
         _, (height, width) = first_readable(self._files, lenient)
         self._camera = Pinhole(width, height, *map(float, (K[0, 0], K[1, 1], K[0, 2], K[1, 2])))
@@ -167,18 +172,15 @@ class KittiOdometry(Lacking):
         if path is None:
             raise lacks(self.name, f"poses ({' or '.join(map(str, candidates))})")
         T_n_0 = read_kitti_poses(path)
-        if len(T_n_0) != len(self):
-            raise DataError(f"{path}: {len(T_n_0)} poses for the {len(self)} images of {self.name}")
-        return T_n_0 * RigidTransform.from_translation(-self._t_c_0)
+        mine = T_n_0[self._frames.rows(len(T_n_0), "poses", path)]
+        return mine * RigidTransform.from_translation(-self._t_c_0)
 
     def _read_times(self, lenient: bool) -> tuple[NDArray[np.float64], str]:
         path = self.folder / "times.txt"
         if not path.exists():
-            return np.arange(len(self)) / FRAME_RATE, "frame/10s"
+            return self._frames.numbers / FRAME_RATE, "frame/10s"
         seconds = read_times(path, increasing=not lenient)
-        if len(seconds) != len(self):
-            raise DataError(f"{path}: {len(seconds)} times for the {len(self)} images of {self.name}")
-        return seconds, "times.txt"
+        return seconds[self._frames.rows(len(seconds), "times", path)], "times.txt"
 
 
 def read_calibration(path: Path | str, row: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -245,8 +247,8 @@ def images_in(folder: Path, names: Iterable[str], kind: str) -> str:
     return found
 
 
-def numbered_images(folder: Path, gaps: bool = False) -> list[Path]:
-    """PNG files of a folder in the order of their numbers, which must be consecutive.
+def numbered_images(folder: Path, gaps: bool = False) -> Numbered:
+    """PNG and JPEG files of a folder in the order of their numbers, which must be consecutive.
 
     With ``gaps`` the files that are missing in between stand in the list too.
 
@@ -255,22 +257,10 @@ def numbered_images(folder: Path, gaps: bool = False) -> list[Path]:
     DataError
         If there are none, one is named otherwise, or some are missing in between and ``gaps`` is off.
     """
-    files = list(folder.glob("*.png"))
+    files = [path for path in folder.iterdir() if path.suffix.lower() in IMAGE_KINDS and path.name[0] != "."]
     if not files:
-        raise DataError(f"{folder}: no images (NNNNNN.png)")
-    stray = sorted(path for path in files if not path.stem.isdecimal())
-    if stray:
-        raise DataError(f"{stray[0]}: images must be named by frame number (NNNNNN.png)")
-    files.sort(key=lambda path: int(path.stem))
-    if gaps:
-        there = {int(path.stem): path for path in files}
-        digits = len(files[0].stem)
-        numbers_ = range(int(files[0].stem), int(files[-1].stem) + 1)
-        return [there.get(number, folder / f"{number:0{digits}d}.png") for number in numbers_]
-    for previous, current in pairwise(files):
-        if int(current.stem) != int(previous.stem) + 1:
-            raise DataError(f"{folder}: images are missing between {previous.name} and {current.name}")
-    return files
+        raise DataError(f"{folder}: no images (NNNNNN.png or .jpg)")
+    return numbered(files, r"([0-9]+)\.\w+", "NNNNNN.png or .jpg", gaps)
 
 
 def _size(shape: tuple[int, ...]) -> str:

@@ -12,6 +12,7 @@ from flowlik.datasets.base import lacks, of_size
 from flowlik.datasets.flow_files import read_flow
 from flowlik.datasets.pairs import ImagePair, ImagePairs
 from flowlik.errors import DataError
+from flowlik.support.files import printable
 
 IMAGES = {"image_2": "2015", "image_0": "2012", "colored_0": "2012"}
 """Image folders in the order of preference, each with the year of its benchmark."""
@@ -59,7 +60,7 @@ class KittiFlow(ImagePairs):
                 raise DataError(f"{second}: no such image, the partner of {first.name}")
             path = None if truth is None else truth / first.name
             pairs.append(ImagePair(first, second, path))
-        super().__init__(f"kitti-flow/{IMAGES[images.name]}-{self.folder.resolve().name}", pairs)
+        super().__init__(f"kitti-flow/{IMAGES[images.name]}-{printable(self.folder.resolve().name)}", pairs)
 
     def visible(self, k: int) -> NDArray[np.bool_]:
         """Return which pixels (H, W) of frame k have true flow and stay in sight, those of ``flow_noc``.

@@ -15,7 +15,7 @@ from flowlik.datasets.kitti import images_in, numbered_images
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.trajectory import FRAME_RATE, check_times
-from flowlik.support.files import numbers, read_table, read_text
+from flowlik.support.files import numbers, printable, read_table, read_text
 
 EARTH_RADIUS_M = 6378137.0
 OXTS_COLUMNS = 30
@@ -35,7 +35,8 @@ class KittiRaw(Lacking):
     Images are those of ``image_00``, else of ``image_02`` (as grey), rectified. `T_n_c` comes from OXTS: its
     position (Mercator's projection, as in KITTI's devkit), attitude, and the lever arm from the unit to the
     camera by ``calib_imu_to_velo.txt``, ``calib_velo_to_cam.txt`` and ``calib_cam_to_cam.txt``. {n} is the
-    first camera.
+    first camera. The number in an image's name says which file of OXTS, and which row of the times, is its
+    own.
 
     Parameters
     ----------
@@ -48,17 +49,19 @@ class KittiRaw(Lacking):
     Raises
     ------
     DataError
-        If images or calibration are missing or wrong, or images and OXTS rows differ in number.
+        If images or calibration are missing or wrong, or an image has no row of OXTS or no time.
     """
 
     times_source = "frame/10s"
 
     def __init__(self, folder: Path | str, lenient: bool = False) -> None:
         self.folder = Path(folder)
-        self.name = f"kitti-raw/{self.folder.resolve().name}"
+        self.name = f"kitti-raw/{printable(self.folder.resolve().name)}"
+        self._lenient = lenient
         images = images_in(self.folder, FOLDERS, "KITTI raw drive")
         self._number = FOLDERS[images]
-        self._files = numbered_images(self.folder / images, lenient)
+        self._frames = numbered_images(self.folder / images, lenient)
+        self._files = self._frames.files
         self._P = self._calibration("calib_cam_to_cam.txt", f"P_rect_{self._number}", 12).reshape(3, 4)
         _, (height, width) = first_readable(self._files, lenient)
         self._camera = Pinhole(width, height, *map(float, self._P[[0, 1, 0, 1], [0, 1, 2, 2]]))
@@ -122,27 +125,38 @@ class KittiRaw(Lacking):
         MissingFieldError
             If there are no OXTS files.
         DataError
-            If there is no such frame, or OXTS or calibration are malformed or not one an image.
+            If there is no such frame, OXTS or calibration are malformed, or OXTS lacks an image's number.
         """
-        return self._poses[frame_index(self, k)]
+        poses, known = self._poses
+        if not known[frame_index(self, k)]:
+            raise self._no_row(k)
+        return poses[k]
 
     @property
     def gps_positions(self) -> NDArray[np.float64]:
-        """Positions (N, 3) [m] of the camera by OXTS: of the unit, moved by the lever arm."""
-        return np.asarray(self._poses.translation, dtype=np.float64)
+        """Positions (N, 3) [m] of the camera by OXTS: of the unit, moved by the lever arm; NaN unknown."""
+        poses, known = self._poses
+        return np.where(known[:, None], poses.translation, np.nan)
 
     @cached_property
-    def _poses(self) -> RigidTransform:
+    def _poses(self) -> tuple[RigidTransform, NDArray[np.bool_]]:
+        """Poses (N,) of the camera, and which frames (N,) have one: the others hold that of another."""
         folder = self.folder / "oxts" / "data"
-        files = sorted(folder.glob("*.txt"))
-        if not files:
+        files = {int(path.stem): path for path in folder.glob("*.txt") if path.stem.isdecimal()}
+        known = np.array([number in files for number in self._frames.numbers])
+        if not known.any():
             raise lacks(self.name, f"poses ({folder}/*.txt)")
-        if len(files) != len(self):
-            raise DataError(f"{folder}: {len(files)} OXTS rows for the {len(self)} images of {self.name}")
+        if not (self._lenient or known.all()):
+            raise self._no_row(int(np.argmin(known)))
         layout = f"{OXTS_COLUMNS} numbers (KITTI OXTS: lat lon alt roll pitch yaw …)"
-        rows = np.array([read_table(path, OXTS_COLUMNS, layout)[0][0] for path in files])
-        poses = oxts_poses(rows) * self._T_imu_c()
-        return poses[0].inv() * poses
+        mine = [files[number] for number in self._frames.numbers[known]]
+        rows = np.array([read_table(path, OXTS_COLUMNS, layout)[0][0] for path in mine])
+        poses = (oxts_poses(rows) * self._T_imu_c())[np.maximum(np.cumsum(known) - 1, 0)]
+        return poses[0].inv() * poses, known
+
+    def _no_row(self, k: int) -> DataError:
+        number = int(self._frames.numbers[k])
+        return DataError(f"{self.folder / 'oxts' / 'data'}: no file of frame {number} ({number:010d}.txt)")
 
     def _T_imu_c(self) -> RigidTransform:
         """Takes points in the rectified camera to points in the OXTS unit."""
@@ -170,15 +184,14 @@ class KittiRaw(Lacking):
 
     def _read_times(self, path: Path, lenient: bool) -> NDArray[np.float64]:
         if not path.is_file():
-            return np.arange(len(self)) / FRAME_RATE
+            return self._frames.numbers / FRAME_RATE
         try:
             stamps = np.array(
                 [np.datetime64(line.strip(), "ns") for line in read_text(path).split("\n") if line]
             )
         except ValueError as error:
             raise DataError(f"{path}: not times such as '2011-09-26 13:02:25.964389445' ({error})") from error
-        if len(stamps) != len(self):
-            raise DataError(f"{path}: {len(stamps)} times for the {len(self)} images of {self.name}")
+        stamps = stamps[self._frames.rows(len(stamps), "times", path)]
         seconds = (stamps - stamps[0]).astype(np.int64) / 1e9
         if not lenient:
             check_times(seconds, str(path))

@@ -29,8 +29,8 @@ def kitti_raw(path: Path) -> bool:
 
 
 def tartanair(path: Path) -> bool:
-    """Whether there are images of the left front camera."""
-    return _has_folder(path, "image_lcam_front")
+    """Whether there are images of the left camera, by the names of V2 or V1."""
+    return _has_folder(path, "image_lcam_front", "image_left")
 
 
 def sintel(path: Path) -> bool:

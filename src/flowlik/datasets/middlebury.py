@@ -11,6 +11,7 @@ from flowlik.datasets.disparity import read_disparity
 from flowlik.datasets.layouts import STEREO_FILES
 from flowlik.datasets.pairs import ImagePair, ImagePairs, scene_folders
 from flowlik.errors import DataError
+from flowlik.support.files import printable
 
 
 class MiddleburyFlow(ImagePairs):
@@ -37,7 +38,7 @@ class MiddleburyFlow(ImagePairs):
             apart = scene.resolve().parent.parent / "other-gt-flow" / scene.resolve().name / "flow10.flo"
             truth = next((path for path in (scene / "flow10.flo", apart) if path.is_file()), None)
             pairs.append(ImagePair(scene / "frame10.png", scene / "frame11.png", truth))
-        super().__init__(f"middlebury-flow/{folder.resolve().name}", pairs)
+        super().__init__(f"middlebury-flow/{printable(folder.resolve().name)}", pairs)
 
 
 class MiddleburyStereo(ImagePairs):
@@ -71,7 +72,7 @@ class MiddleburyStereo(ImagePairs):
             raise DataError(
                 f"{folder}: no stereo pair, neither here nor in its folders (expected {expected})"
             )
-        super().__init__(f"middlebury-stereo/{folder.resolve().name}", pairs)
+        super().__init__(f"middlebury-stereo/{printable(folder.resolve().name)}", pairs)
 
     def _read_truth(self, path: Path) -> NDArray[np.float64]:
         disparity = read_disparity(path)

@@ -19,6 +19,7 @@ from flowlik.datasets.lens import Lens
 from flowlik.errors import DataError, FlowlikError
 from flowlik.geometry.trajectory import check_times
 from flowlik.support.extras import extra
+from flowlik.support.files import printable
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
@@ -83,7 +84,7 @@ class RosBag(GivenCamera, Lacking):
             self.topic = _topic(self.path, reader, topic)
             self._index(reader)
             self.lens = None if camera is not None else _camera_info(self.path, reader, self.topic)
-        self.name = f"ros/{self.path.stem}{self.topic.replace('/', '-')}"
+        self.name = f"ros/{printable(self.path.stem)}{self.topic.replace('/', '-')}"
         self.shape: tuple[int, ...] = self._read(0).shape
         if camera is not None:
             self._camera = given_camera(camera, self.shape)

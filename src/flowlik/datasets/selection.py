@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence as Seq
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.datasets.base import ImageSequence, frame_index, lacks
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.geometry.camera import Pinhole
+from flowlik.geometry.trajectory import time_text
 
 
 class Skipped(NamedTuple):
@@ -108,8 +110,8 @@ def select_frames(
     count : int, optional
         So many frames, or as many as there are.
     skip_bad : bool
-        Leave frames out that cannot be read, and those whose time does not advance. Every image is decoded
-        once more for it.
+        Leave frames out that cannot be read, those that lack a pose where others have one, and those whose
+        time does not advance. Every image is decoded once more for it.
 
     Returns
     -------
@@ -153,8 +155,12 @@ def _reason(sequence: ImageSequence, k: int, last: float) -> str:
     try:
         sequence.image(k)
         time = sequence.timestamp(k)
+        with suppress(MissingFieldError):
+            sequence.T_n_c(k)
     except MissingFieldError:
         raise
     except DataError as error:
         return str(error)
-    return "" if last < time < np.inf else f"time does not advance: {time:g} s after {last:g} s"
+    if last < time < np.inf:
+        return ""
+    return f"time does not advance: {time_text(time)} s after {time_text(last)} s"

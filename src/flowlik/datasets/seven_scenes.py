@@ -11,10 +11,11 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.datasets.base import frame_index
 from flowlik.datasets.frames import DepthFrames, read_depth
 from flowlik.datasets.intrinsics import CameraLike, given_camera
+from flowlik.datasets.numbering import numbered
 from flowlik.datasets.poses import rigid_transform
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
-from flowlik.support.files import read_table
+from flowlik.support.files import printable, read_table
 
 INTRINSICS = (585.0, 320.0, 240.0)
 """Focal length and principal point [px] that the data set's authors give."""
@@ -32,7 +33,8 @@ class SevenScenes(DepthFrames):
     ``frame-NNNNNN.color.png`` (or ``.jpg``), ``.depth.png`` (millimetres, 0 and 65535 unknown) and
     ``.pose.txt`` (4 x 4, camera to world). **The truth is soft**: colour and depth come from two cameras that
     are not registered, shutters roll, and poses are those of a tracker (KinectFusion); expect 1 to 2 px of
-    systematic error in the flow. Show it, but do not calibrate on it. Times are nominal, frame / 30 s.
+    systematic error in the flow. Show it, but do not calibrate on it. Depth and pose are those of the image's
+    number; times are nominal, number / 30 s.
 
     Parameters
     ----------
@@ -40,25 +42,30 @@ class SevenScenes(DepthFrames):
         One sequence, e.g. ``chess/seq-01``.
     camera : Pinhole, str or sequence of float, optional
         By default that of ``camera-intrinsics.txt`` (3 x 3) if there is one, else 585, 320, 240.
+    lenient : bool
+        Images may be missing between others: they are told when they are chosen.
 
     Raises
     ------
     DataError
-        If there are no images.
+        If there are no images, or they are not numbered without gaps.
     """
 
     times_source = f"frame/{FRAMES_PER_SECOND:g}s"
 
-    def __init__(self, folder: Path | str, camera: CameraLike | None = None) -> None:
+    def __init__(self, folder: Path | str, camera: CameraLike | None = None, lenient: bool = False) -> None:
         self.folder = Path(folder)
         if not self.folder.is_dir():
             raise DataError(f"{self.folder}: no such folder")
-        files = sorted(path for kind in ("png", "jpg") for path in self.folder.glob(f"frame-*.color.{kind}"))
+        files = [path for kind in ("png", "jpg") for path in self.folder.glob(f"frame-*.color.{kind}")]
         if not files:
             raise DataError(f"{self.folder}: no images frame-NNNNNN.color.png, not a 7-Scenes sequence")
+        shape = "frame-NNNNNN.color.png"
+        frames = numbered(files, r"frame-([0-9]+)\.color\.\w+", shape, lenient)
+        self._numbers = frames.numbers
         parts = self.folder.resolve().parts
         scene = "-".join(parts[-2:]) if parts[-1].startswith("seq-") else parts[-1]
-        super().__init__(f"seven-scenes/{scene}", files)
+        super().__init__(f"seven-scenes/{printable(scene)}", frames.files, lenient)
         if camera is None:
             camera = _intrinsics(self.folder / "camera-intrinsics.txt")
         self._camera = given_camera(camera, self.shape)
@@ -76,7 +83,7 @@ class SevenScenes(DepthFrames):
         DataError
             If there is no such frame.
         """
-        return frame_index(self, k) / FRAMES_PER_SECOND
+        return float(self._numbers[frame_index(self, k)] / FRAMES_PER_SECOND)
 
     def T_n_c(self, k: int) -> RigidTransform:
         """Return the pose of frame k, which takes points in {c} to points in {n} [m].

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -12,7 +11,9 @@ from numpy.typing import NDArray
 from flowlik.datasets.base import decode_image, frame_index, lacks, of_size
 from flowlik.datasets.flow_files import read_flow
 from flowlik.datasets.frames import FrameFiles
+from flowlik.datasets.numbering import numbered
 from flowlik.errors import DataError
+from flowlik.support.files import printable
 
 PASSES = ("clean", "final", "albedo")
 
@@ -29,6 +30,8 @@ class Sintel(FrameFiles):
     ----------
     folder : Path or str
         A scene of one pass, e.g. ``training/clean/alley_1``.
+    lenient : bool
+        Images may be missing between others: they are told when they are chosen.
 
     Raises
     ------
@@ -36,20 +39,18 @@ class Sintel(FrameFiles):
         If the folder is not such a scene, or its frames are not numbered without gaps.
     """
 
-    def __init__(self, folder: Path | str) -> None:
+    def __init__(self, folder: Path | str, lenient: bool = False) -> None:
         folder = Path(folder)
         if not folder.is_dir():
             raise DataError(f"{folder}: no such folder")
-        files = sorted(folder.glob("frame_*.png"))
+        files = list(folder.glob("frame_*.png"))
         if not files:
             raise DataError(
                 f"{folder}: no images frame_NNNN.png, expected one scene such as training/clean/alley_1"
             )
-        for previous, current in pairwise(files):
-            if _number(current) != _number(previous) + 1:
-                raise DataError(f"{folder}: images are missing between {previous.name} and {current.name}")
+        files = numbered(files, r"frame_([0-9]+)\.png", "frame_NNNN.png", lenient).files
         self.scene, self.root = folder.resolve().name, folder.resolve().parent.parent
-        super().__init__(f"sintel/{self.scene}-{folder.resolve().parent.name}", files)
+        super().__init__(f"sintel/{printable(self.scene)}-{folder.resolve().parent.name}", files, lenient)
 
     def flow(self, k: int) -> NDArray[np.float64]:
         """Return the true flow (H, W, 2) [px] from frame k to k + 1; NaN where invalid.
@@ -84,10 +85,3 @@ class Sintel(FrameFiles):
         if not path.is_file():
             raise DataError(f"{path}: no such file, but {self.name} needs it for frame {k}")
         return path
-
-
-def _number(path: Path) -> int:
-    digits = path.stem.removeprefix("frame_")
-    if not digits.isdecimal():
-        raise DataError(f"{path}: images must be named frame_NNNN.png")
-    return int(digits)

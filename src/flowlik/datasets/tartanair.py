@@ -1,4 +1,4 @@
-"""TartanAir V2: one camera of one trajectory, and the conversions of its file formats."""
+"""TartanAir V1 and V2: one camera of one trajectory, and the conversions of its file formats."""
 
 from __future__ import annotations
 
@@ -24,13 +24,12 @@ from flowlik.datasets.base import (
     visibility_next,
 )
 from flowlik.datasets.flow_png import TARTANAIR_UNKNOWN
+from flowlik.datasets.numbering import Numbered, numbered
+from flowlik.datasets.tartanair_layouts import LAYOUTS, read_depth_npy
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.trajectory import read_times
-from flowlik.support.files import read_table
-
-CAMERA = Pinhole(640, 640, 320.0, 320.0, 320.0, 320.0)
-"""The camera of all TartanAir images."""
+from flowlik.support.files import printable, read_table
 
 FRAMES_PER_SECOND = 10.0
 
@@ -43,40 +42,53 @@ _NED_CAMERA = RigidTransform.from_rotation(Rotation.from_matrix([[0, 0, 1], [1, 
 
 
 class TartanAir:
-    """The left front camera of one trajectory; implements `flowlik.datasets.base.Sequence`.
+    """The left camera of one trajectory; implements `flowlik.datasets.base.ImageSequence`.
 
     The folder holds ``image_lcam_front`` and, where it has them, ``depth_lcam_front``, ``image_rcam_front``
-    and ``pose_lcam_front.txt``. The camera comes from ``camera.json`` if there is one, else
-    it is TartanAir's own; times come from ``times.txt`` if there is one, else from the frame rate. World axes
-    are x right, y down, z forward. True flow is computed from depth and poses in float64, not read from the
-    flow images, which are rounded to 1/64 px; where ``movers.txt`` and ``seg_lcam_front`` say what moves (see
-    `flowlik.simulation.write_sequence`) it follows them.
+    and ``pose_lcam_front.txt`` (V2), or ``image_left``, ``depth_left``, ``image_right`` and ``pose_left.txt``
+    (V1). The number in an image's name says which depth, right image, and rows of the poses (row k is frame
+    k, or the first row the first image), of ``times.txt`` and of ``movers.txt`` are its own. The camera comes
+    from ``camera.json`` if there is one, else it is TartanAir's own; times come from ``times.txt`` if there
+    is one, else they are number / frame rate. World axes are x right, y down, z forward. True flow is
+    computed from depth and poses in float64, not read from the flow images, which are rounded to 1/64 px;
+    where ``movers.txt`` and ``seg_lcam_front`` say what moves (see `flowlik.simulation.write_sequence`) it
+    follows them.
 
     Parameters
     ----------
     folder : Path or str
         One trajectory, e.g. ``abandonedfactory/Data_easy/P000``.
+    lenient : bool
+        Images may be missing between others, and times go back: what cannot be used is told when it is read.
 
     Raises
     ------
     DataError
-        If folder, images or camera file are missing or invalid, or poses or times are malformed or too few.
+        If folder, images or camera file are missing or invalid, images are not numbered without gaps, or
+        poses, times or movers are malformed or not those of these frames.
     """
 
-    def __init__(self, folder: Path | str) -> None:
+    def __init__(self, folder: Path | str, lenient: bool = False) -> None:
         self.folder = Path(folder)
-        self.name = self.folder.name
+        self.name = printable(self.folder.resolve().name)
         if not self.folder.is_dir():
             raise DataError(f"{self.folder}: no such folder")
-        self._images = sorted((self.folder / "image_lcam_front").glob("*_lcam_front.png"))
-        if not self._images:
+        there = [layout for layout in LAYOUTS if (self.folder / layout.images).is_dir()]
+        self._layout = layout = there[0] if there else LAYOUTS[0]
+        files = list((self.folder / layout.images).glob(f"*{layout.ending}.png"))
+        if not files:
             raise DataError(
-                f"{self.folder}: no images image_lcam_front/*_lcam_front.png, not a TartanAir V2 folder"
+                f"{self.folder}: no images {layout.images}/*{layout.ending}.png, not a TartanAir folder"
             )
-        self._camera, self.frames_per_second = _read_camera(self.folder / "camera.json")
-        self._poses = _read_poses(self.folder / "pose_lcam_front.txt", len(self._images))
-        self._movers = _read_movers(self.folder / "movers.txt", len(self._images))
-        self._times_s = _read_times(self.folder / "times.txt", len(self._images))
+        shape = f"NNNNNN{layout.ending}.png"
+        frames = numbered(files, rf"([0-9]+){layout.ending}\.png", shape, lenient)
+        self._images, self._numbers = frames.files, frames.numbers
+        self._camera, self.frames_per_second = _read_camera(self.folder / "camera.json", layout.camera)
+        self._poses = _read_poses(self.folder / layout.poses, frames)
+        self._movers = _read_movers(self.folder / "movers.txt", frames)
+        self._times_s = _read_times(self.folder / "times.txt", frames, lenient)
+        rate = f"frame/{self.frames_per_second:g}s"
+        self.times_source = rate if self._times_s is None else "times.txt"
 
     @property
     def camera(self) -> Pinhole:
@@ -108,8 +120,7 @@ class TartanAir:
         DataError
             If there is no such frame, or its file is unreadable or of another size than the camera.
         """
-        stem = self._images[frame_index(self, k)].stem.replace("lcam", "rcam")
-        path = self.folder / "image_rcam_front" / f"{stem}.png"
+        path = self._beside(k, self._layout.right, f"{self._layout.right_ending}.png")
         if not path.is_file():
             raise lacks(self.name, f"right image for frame {k} ({path.name})")
         return _of_size(read_grey(path), self.camera, path)
@@ -123,7 +134,7 @@ class TartanAir:
             If there is no such frame.
         """
         k = frame_index(self, k)
-        return k / self.frames_per_second if self._times_s is None else float(self._times_s[k])
+        return float(self._numbers[k] / self.frames_per_second if self._times_s is None else self._times_s[k])
 
     def T_n_c(self, k: int) -> RigidTransform:
         """Return the true pose of frame k: takes points in {c} to points in {n} [m].
@@ -136,7 +147,7 @@ class TartanAir:
             If there is no such frame.
         """
         if self._poses is None:
-            raise lacks(self.name, "poses (pose_lcam_front.txt)")
+            raise lacks(self.name, f"poses ({self._layout.poses})")
         return self._poses[frame_index(self, k)]
 
     def depth(self, k: int) -> NDArray[np.float64]:
@@ -149,10 +160,12 @@ class TartanAir:
         DataError
             If there is no such frame, or its file is damaged or of another size than the camera.
         """
-        stem = self._images[frame_index(self, k)].stem
-        path = self.folder / "depth_lcam_front" / f"{stem}_depth.png"
+        kind = self._layout.depth_kind
+        path = self._beside(k, self._layout.depth, f"{self._layout.ending}_depth{kind}")
         if not path.is_file():
             raise lacks(self.name, f"depth for frame {k} ({path.name})")
+        if kind == ".npy":
+            return _of_size(read_depth_npy(path), self.camera, path)
         depth = _decode_depth(decode_image(path, cv2.IMREAD_UNCHANGED), path)
         return _of_size(depth, self.camera, path)
 
@@ -192,11 +205,16 @@ class TartanAir:
         if self._movers is None:
             return None
         here, there = self._movers[k], self._movers[k + 1]
-        path = self.folder / "seg_lcam_front" / f"{self._images[k].stem}_seg.png"
+        path = self._beside(k, "seg_lcam_front", f"{self._layout.ending}_seg.png")
         labels = _of_size(decode_image(path, cv2.IMREAD_UNCHANGED), self.camera, path).astype(np.int16) - 1
         if labels.max() >= len(here):
             raise DataError(f"{path}: shows object {labels.max()}, movers.txt has {len(here)}")
         return Movers(labels, mover_motions(self.T_n_c(k), self.T_n_c(k + 1), here, there))
+
+    def _beside(self, k: int, folder: str, ending: str) -> Path:
+        """File of frame k in another folder."""
+        name = self._images[frame_index(self, k)].name
+        return self.folder / folder / (name.removesuffix(f"{self._layout.ending}.png") + ending)
 
 
 def encode_depth(depth: NDArray[np.float64]) -> NDArray[np.uint8]:
@@ -236,7 +254,7 @@ def decode_poses(rows: NDArray[np.float64]) -> RigidTransform:
     return _NED_CAMERA.inv() * ned * _NED_CAMERA
 
 
-def _read_poses(path: Path, frames: int) -> RigidTransform | None:
+def _read_poses(path: Path, frames: Numbered) -> RigidTransform | None:
     if not path.is_file():
         return None
     try:
@@ -246,41 +264,39 @@ def _read_poses(path: Path, frames: int) -> RigidTransform | None:
         raise DataError(f"{path}: not a table of numbers ({error})") from error
     if rows.shape[1] != 7:
         raise DataError(f"{path}: poses need 7 columns x y z qx qy qz qw, found {rows.shape[1]}")
-    if len(rows) < frames:
-        raise DataError(f"{path}: {len(rows)} poses for {frames} images")
+    mine = frames.rows(len(rows), "poses", path)
     if not np.isfinite(rows).all() or (np.linalg.norm(rows[:, 3:], axis=1) < 0.5).any():
         raise DataError(f"{path}: every row must be finite and hold a unit quaternion qx qy qz qw")
-    return decode_poses(rows)
+    return decode_poses(rows[mine])
 
 
-def _read_movers(path: Path, frames: int) -> list[RigidTransform] | None:
+def _read_movers(path: Path, frames: Numbered) -> list[RigidTransform] | None:
     """Poses T_n_o (M,) of all moving objects in each frame, or None if there is no such file."""
     if not path.is_file():
         return None
     rows, _ = read_table(path, 9, MOVER_LAYOUT)
-    count = len(rows) // frames
-    wanted = np.stack(np.meshgrid(np.arange(frames), np.arange(count), indexing="ij"), axis=-1).reshape(-1, 2)
-    if not np.array_equal(rows[:, :2], wanted):
-        raise DataError(f"{path}: must hold every object of every one of {frames} frames, in order")
+    most = int(max(rows[-1, 0], frames.numbers[-1])) + 1
+    count = len(rows) // most
+    wanted = [(k, m) for k in range(most if count else 0) for m in range(count)]
+    if not (wanted and np.array_equal(rows[:, :2], wanted)):
+        raise DataError(f"{path}: must hold every object of every one of {most} frames, in order")
     if (np.abs(np.linalg.norm(rows[:, 5:], axis=1) - 1) > 0.5).any():
         raise DataError(f"{path}: every row must hold a unit quaternion qx qy qz qw")
-    return [decode_poses(rows[k * count : (k + 1) * count, 2:]) for k in range(frames)]
+    return [decode_poses(rows[k * count : (k + 1) * count, 2:]) for k in frames.numbers]
 
 
-def _read_times(path: Path, frames: int) -> NDArray[np.float64] | None:
-    """Times (frames,) [s], or None if there is no such file."""
+def _read_times(path: Path, frames: Numbered, lenient: bool) -> NDArray[np.float64] | None:
+    """Times (N,) [s], or None if there is no such file."""
     if not path.is_file():
         return None
-    times_s = read_times(path)
-    if len(times_s) < frames:
-        raise DataError(f"{path}: {len(times_s)} times for {frames} images")
-    return times_s
+    times_s = read_times(path, increasing=not lenient)
+    return times_s[frames.rows(len(times_s), "times", path)]
 
 
-def _read_camera(path: Path) -> tuple[Pinhole, float]:
+def _read_camera(path: Path, own: Pinhole) -> tuple[Pinhole, float]:
     """Camera and frame rate [1/s] from a camera.json, or TartanAir's own if there is none."""
     if not path.is_file():
-        return CAMERA, FRAMES_PER_SECOND
+        return own, FRAMES_PER_SECOND
     try:
         values = json.loads(path.read_text())
         names = ("fx", "fy", "cx", "cy")

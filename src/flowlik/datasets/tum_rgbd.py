@@ -15,7 +15,7 @@ from flowlik.datasets.poses import mutual, nearest
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.trajectory import check_times, read_tum
-from flowlik.support.files import numbers, read_text
+from flowlik.support.files import numbers, printable, read_text
 
 TOLERANCE_S = 0.02
 """Image, depth and pose further apart in time are not of one frame."""
@@ -78,7 +78,7 @@ class TumRgbd(DepthFrames):
         if truth.is_file():
             self._poses = trajectory.poses[pose_of[kept]]
         self._times = times[kept]
-        super().__init__(f"tum-rgbd/{scene}", [files[i] for i in np.flatnonzero(kept)])
+        super().__init__(f"tum-rgbd/{printable(scene)}", [files[i] for i in np.flatnonzero(kept)])
         default = FREIBURG_3 if "freiburg3" in scene else INTRINSICS
         self._camera = given_camera(default if camera is None else camera, self.shape)
 

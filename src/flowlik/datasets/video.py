@@ -13,11 +13,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.datasets.base import MAX_PIXELS, lacks
+from flowlik.datasets._containers import AVI, ISO, MPEG_PROGRAM, container_of, is_all_there
+from flowlik.datasets.base import MAX_PIXELS, frame_index
 from flowlik.datasets.frames import Lacking
 from flowlik.datasets.image_folder import check_rate
 from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_camera
 from flowlik.errors import DataError
+from flowlik.geometry.trajectory import check_times
+from flowlik.support.files import printable
 
 RECENT_FRAMES = 8
 
@@ -26,8 +29,9 @@ class Video(GivenCamera, Lacking):
     """A video file that OpenCV can decode, a `ImageSequence` without truth.
 
     Frames are read in order, since seeking is inexact in many formats: the latest eight are at hand, an
-    earlier one begins again from the start. The number of frames is counted by decoding once, when first
-    asked for. Times are frame / frame rate, also where a file has a variable one.
+    earlier one begins again from the start. Frames are counted by decoding once, when first asked for. Times
+    are the container's time stamps, whether evenly spaced or not; a frame rate that is given counts instead,
+    and the file's own where its container has none for all frames (AVI, MPEG program streams).
 
     Parameters
     ----------
@@ -37,29 +41,43 @@ class Video(GivenCamera, Lacking):
         Camera of every frame, free of distortion: ``f,cx,cy`` or ``fx,fy,cx,cy`` [px]. Without it `camera`
         raises.
     frames_per_second : float, optional
-        Frame rate [Hz]; by default the file's.
+        Frame rate [Hz], instead of the file's time stamps.
+    lenient : bool
+        Time stamps may go back: such frames are told when they are chosen.
+
+    Attributes
+    ----------
+    times_source : str
+        ``container``, or such as ``frame/20s``; counts frames when first asked for.
+    notes : tuple of str
+        What is odd about the file.
 
     Raises
     ------
     DataError
-        If the file is missing or not a readable video, or the camera does not fit; when frames are counted,
-        if the file ends well before its header says.
+        If the file is missing, cut off or not a readable video, or the camera does not fit; when a time is
+        first asked for, if time stamps do not increase.
     """
 
     def __init__(
-        self, path: Path | str, camera: CameraLike | None = None, frames_per_second: float | None = None
+        self,
+        path: Path | str,
+        camera: CameraLike | None = None,
+        frames_per_second: float | None = None,
+        lenient: bool = False,
     ) -> None:
         self.path = Path(path)
-        self.name = f"video/{self.path.stem}"
+        self.name = f"video/{printable(self.path.stem)}"
         self._capture: Any = None
         self._next = 0
         self._lock = threading.Lock()
         self._recent: OrderedDict[int, NDArray[np.uint8]] = OrderedDict()
         capture = self._open()
         self._claimed = float(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-        rate = capture.get(cv2.CAP_PROP_FPS) if frames_per_second is None else check_rate(frames_per_second)
-        self._rate = rate if 0 < rate < float("inf") else None
-        self.times_source = None if self._rate is None else f"frame/{self._rate:g}s"
+        rate = float(capture.get(cv2.CAP_PROP_FPS))
+        self._own_rate = rate if 0 < rate < float("inf") else None
+        self._given_rate = None if frames_per_second is None else check_rate(frames_per_second)
+        self._container, self._lenient = container_of(self.path), lenient
         self._capture = capture
         first = self._read(0)
         if first is None:
@@ -69,7 +87,7 @@ class Video(GivenCamera, Lacking):
 
     def __len__(self) -> int:
         """Return the number of frames that can be decoded."""
-        return self._frames
+        return len(self._stamps_s)
 
     def image(self, k: int) -> NDArray[np.uint8]:
         """Grey image (H, W) of frame k.
@@ -91,12 +109,27 @@ class Video(GivenCamera, Lacking):
 
         Raises
         ------
-        MissingFieldError
-            If neither the file nor the user gives a frame rate.
+        DataError
+            If there is no such frame, or the file's time stamps do not increase.
         """
-        if self._rate is None:
-            raise lacks(self.name, "frame rate (give one by --frames-per-second)")
-        return k / self._rate
+        rate = self._rate
+        return k / rate if rate is not None else float(self._times_s[frame_index(self, k)])
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is odd about the file: frames end well before its header says."""
+        if self._container not in (ISO, AVI) or self._own_rate is None:  # others count the sound too
+            return ()
+        claimed_s, found_s = self._claimed / self._own_rate, float(self._stamps_s.max(initial=0.0))
+        if found_s > 0.9 * claimed_s - 3 / self._own_rate:
+            return ()
+        claim = f"its header claims {claimed_s:.2f} s, frames up to {found_s:.2f} s can be decoded"
+        return (f"{self.name}: {claim}: trimmed by its player, or damaged",)
+
+    @property
+    def times_source(self) -> str:
+        """Where the times come from."""
+        return "container" if self._rate is None else f"frame/{self._rate:g}s"
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the open file behind: another process opens its own."""
@@ -109,15 +142,27 @@ class Video(GivenCamera, Lacking):
         self.__dict__.update(state, _lock=threading.Lock())
 
     @cached_property
-    def _frames(self) -> int:
+    def _stamps_s(self) -> NDArray[np.float64]:
+        """Time stamps (N,) [s] of all frames that can be decoded."""
         capture = self._open()
-        count = 0
+        stamps = []
         while capture.grab():
-            count += 1
-        if count < 0.9 * self._claimed - 2:
-            claim = f"its header claims {self._claimed:.0f} frames, {count} can be decoded"
-            raise DataError(f"{self.path}: {claim} (truncated or damaged)")
-        return count
+            stamps.append(capture.get(cv2.CAP_PROP_POS_MSEC) / 1000)
+        return np.array(stamps)
+
+    @cached_property
+    def _rate(self) -> float | None:
+        """Frame rate [Hz] that was given, or stands for stamps that the container lacks, or None."""
+        partly = self._container in (AVI, MPEG_PROGRAM)
+        if self._given_rate is None and partly and (np.diff(self._stamps_s) <= 0).any():
+            return self._own_rate
+        return self._given_rate
+
+    @cached_property
+    def _times_s(self) -> NDArray[np.float64]:
+        if not self._lenient:
+            check_times(self._stamps_s, f"{self.path}, time stamps (--fps gives a frame rate instead)")
+        return self._stamps_s
 
     def _read(self, k: int) -> NDArray[np.uint8] | None:
         """Frame k, or None beyond the end."""
@@ -146,8 +191,12 @@ class Video(GivenCamera, Lacking):
     def _open(self) -> Any:
         if not self.path.is_file():
             raise DataError(f"{self.path}: no such video file")
+        if printable(str(self.path)) != str(self.path):  # which ends the process inside OpenCV
+            raise DataError(f"{self.path}: a video's name must be UTF-8; rename the file or its folder")
         # else FFmpeg's own complaints would stand beside the one error
         os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+        if not is_all_there(self.path):
+            raise DataError(f"{self.path}: not a readable video (truncated: its last part is cut off)")
         try:
             capture = cv2.VideoCapture(str(self.path))
         except cv2.error as error:

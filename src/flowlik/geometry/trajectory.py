@@ -78,6 +78,11 @@ class Trajectory:
         return float(self.distances[-1])
 
 
+def time_text(time_s: float) -> str:
+    """Time [s] as text, with all digits that tell it from its neighbours: epoch times have many."""
+    return np.format_float_positional(time_s, trim="-")
+
+
 def check_times(timestamps: Array, where: str) -> None:
     """Check that timestamps (N,) [s] are finite and increase; ``where`` begins the message of an error.
 
@@ -91,8 +96,8 @@ def check_times(timestamps: Array, where: str) -> None:
     back = np.flatnonzero(np.diff(timestamps) <= 0)
     if back.size:
         k = int(back[0])
-        a, b = timestamps[k : k + 2]
-        raise DataError(f"{where}: times must increase, but number {k} is {a:.9g} s and the next {b:.9g} s")
+        a, b = (time_text(t) for t in timestamps[k : k + 2])
+        raise DataError(f"{where}: times must increase, but number {k} is {a} s and the next {b} s")
 
 
 def chain(steps: Iterable[RigidTransform]) -> RigidTransform:

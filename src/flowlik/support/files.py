@@ -59,7 +59,12 @@ def atomic_write(path: Path | str, mode: str = "w") -> Iterator[IO[Any]]:
     text = mode == "w"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        file: IO[Any] = partial.open(mode, encoding="utf-8" if text else None, newline="\n" if text else None)
+        # the name of a folder need not be text: its odd bytes are written as escapes, which JSON reads back
+        file: IO[Any] = (
+            partial.open(mode, encoding="utf-8", errors="backslashreplace", newline="\n")
+            if text
+            else partial.open(mode)
+        )
     except OSError as error:
         raise DataError(f"{path}: cannot be written ({error.strerror})") from error
     try:
@@ -127,6 +132,11 @@ def read_text(path: Path | str) -> str:
         raise DataError(f"{path}: not a text file") from error
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+
+
+def printable(name: str) -> str:
+    """Return the name of a file as text: what in it is not UTF-8 becomes an escape, as in JSON."""
+    return name.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def read_npz(path: Path | str) -> dict[str, NDArray[Any]]:
