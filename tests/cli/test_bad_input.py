@@ -56,7 +56,7 @@ def wrong_columns(folder):
 def too_few_poses(folder):
     path = folder / "pose_lcam_front.txt"
     path.write_text("".join(path.read_text().splitlines(keepends=True)[:5]))
-    return "5 poses for 9 images"
+    return "5 poses for the 9 images"
 
 
 def no_texture(folder):
