@@ -84,7 +84,13 @@ class ImageFolder(GivenCamera, FrameFiles):
 
 
 def image_files(folder: Path) -> list[Path]:
-    """Images of a folder in the order of their names, see `flowlik.datasets.naming.in_order`."""
+    """Images of a folder in the order of their names, see `flowlik.datasets.naming.in_order`.
+
+    Raises
+    ------
+    DataError
+        If two names differ in nothing that orders them.
+    """
     files = [path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES and path.is_file()]
     return in_order(path for path in files if not path.name.startswith("."))
 
