@@ -11,6 +11,7 @@ from flowlik.flow import Farneback, LucasKanade
 from flowlik.flow.base import DenseFlow
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.motion import exp_se3, h, inverse_range
+from flowlik.image.depth import ImplausibleDepthWarning
 from flowlik.image.texture import TextureDefinition
 from flowlik.measurement.features import features_of, measure_features
 from flowlik.odometry.loop import run_odometry
@@ -196,6 +197,22 @@ def test_what_does_not_fit_the_camera_is_refused_at_once(estimator, image, depth
         odometry.step(image, 1.0, depth)
     odometry.step(frame(1), 1.0, DEPTH)
     assert_same(odometry.poses, poses(MOTIONS[:1]))
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32])
+def test_metres_in_floats_give_steps_in_metres(kind):
+    odometry = Odometry(CAMERA, ExactFlow(), ransac())
+    odometry.step(frame(0), 0.0, DEPTH.astype(kind))
+    step = odometry.step(frame(1), 0.1, DEPTH.astype(kind))
+    np.testing.assert_allclose(step.T_k_prev.translation, MOTIONS[0].translation, atol=1e-5)
+
+
+def test_a_sensors_millimetres_are_refused_before_they_are_a_step():
+    millimetres = np.rint(1000 * DEPTH)
+    with pytest.raises(DataError, match="metres along z in an array of floats, not uint16"):
+        Odometry(CAMERA, ExactFlow(), ransac()).step(frame(0), 0.0, millimetres.astype(np.uint16))
+    with pytest.warns(ImplausibleDepthWarning, match="millimetres, not metres"):
+        Odometry(CAMERA, ExactFlow(), ransac()).step(frame(0), 0.0, millimetres)
 
 
 def test_a_model_of_another_flow_is_refused():

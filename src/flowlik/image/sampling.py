@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flowlik.image import _kernels
+from flowlik.image.depth import check_depth_z
 from flowlik.support.arrays import Array
 
 SAME_SURFACE = 0.1
@@ -17,7 +18,13 @@ def sample_inverse_depth(depth: Array, pixels: Array) -> Array:
     Bilinear, which is exact on a plane, where the four pixels around differ by less than 10 %, else that of
     the nearest pixel. Where this has no depth (NaN, infinite, zero or negative) the answer is not positive
     or not finite.
+
+    Raises
+    ------
+    DataError
+        If depth is not in floats.
     """
+    check_depth_z(depth)
     with np.errstate(divide="ignore"):
         inverse = 1.0 / np.asarray(depth, dtype=np.float64)
     sampled: Array = _kernels.surface(inverse[:, :, None], _positions(pixels), SAME_SURFACE, 0.0)

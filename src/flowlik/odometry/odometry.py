@@ -13,6 +13,7 @@ from flowlik.egomotion.result import unsolved
 from flowlik.errors import DataError
 from flowlik.flow.base import FlowMethod, Image, check_pair
 from flowlik.geometry.camera import Pinhole
+from flowlik.image.depth import check_depth_z
 from flowlik.measurement.features import measure_features
 from flowlik.measurement.measurements import Measurements
 from flowlik.odometry.boresight import Boresight
@@ -116,8 +117,8 @@ class Odometry:
         timestamp : float
             Its time [s], later than the one before.
         depth : array (H, W), optional
-            Depth [m] along z of this image, used at the next step. With it the residual is of known
-            depth; without it, epipolar.
+            Depth [m] along z of this image in floats, used at the next step. With it the residual is of
+            known depth; without it, epipolar. Depth that is hardly in metres is warned of.
         distance_m : float, optional
             Length of the motion since the previous image [m], which gives the epipolar residual its
             scale; without it the scale source is asked.
@@ -133,7 +134,7 @@ class Odometry:
         Raises
         ------
         DataError
-            If the image does not fit the camera, or time does not advance.
+            If image or depth do not fit the camera, depth is not in floats, or time does not advance.
         """
         pair = self.take(image, timestamp, depth)
         if pair is None:
@@ -148,13 +149,16 @@ class Odometry:
         Raises
         ------
         DataError
-            If time does not advance, or an image does not fit the camera or the one before.
+            If time does not advance, depth is not in floats, or image or depth do not fit the camera or those
+            before.
         """
         check_pair(image, image)
         size = f"{self.camera.width}x{self.camera.height}"
         for name, array in (("image", image), ("depth map", image if depth is None else depth)):
             if array.shape != (self.camera.height, self.camera.width):
                 raise DataError(f"{name} of {array.shape[1]}x{array.shape[0]} for a camera of {size}")
+        if depth is not None:
+            check_depth_z(depth)
         last = self.timestamps[-1] if self.timestamps else -np.inf
         if not last < timestamp < np.inf:
             raise DataError(f"time does not advance: {timestamp} s after {last} s")
