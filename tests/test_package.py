@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import ast
+import importlib
+import pkgutil
 import subprocess
 import sys
 from pathlib import Path
@@ -10,10 +13,26 @@ import pytest
 
 import flowlik
 
+ROOMS = [
+    "flowlik",
+    *(f"flowlik.{room.name}" for room in pkgutil.iter_modules(flowlik.__path__) if room.ispkg),
+]
+PUBLIC = [(room, name) for room in ROOMS for name in getattr(importlib.import_module(room), "__all__", ())]
 
-@pytest.mark.parametrize("name", flowlik.__all__)
-def test_every_public_name_loads(name):
-    assert getattr(flowlik, name).__name__ == name
+
+@pytest.mark.parametrize(("room", "name"), PUBLIC)
+def test_every_public_name_loads(room, name):
+    assert hasattr(importlib.import_module(room), name)
+
+
+@pytest.mark.parametrize("room", ["flowlik", "flowlik.likelihood"])
+def test_type_checkers_see_the_names_that_load_on_first_use(room):
+    tree = ast.parse(Path(importlib.import_module(room).__file__).read_text(encoding="utf-8"))
+    (block,) = (node for node in tree.body if isinstance(node, ast.If))
+    seen = {alias.asname: f"{node.module}.{alias.name}" for node in block.body for alias in node.names}
+    assert sorted(seen) == importlib.import_module(room).__all__
+    for name, place in seen.items():
+        assert pkgutil.resolve_name(place) is getattr(importlib.import_module(room), name)
 
 
 def test_an_unknown_name_is_an_attribute_error():

@@ -1,70 +1,61 @@
 """flowlik: honest error distributions for optical flow, and ego-motion that uses them.
 
-Public names load on first use, so that importing the package costs nothing.
+What most programs need stands here, and loads on first use, so that importing the package costs nothing. The
+rest is imported from its room, such as ``from flowlik.calibration import fit_likelihood``.
 """
 
 from __future__ import annotations
 
-from importlib import import_module
 from importlib.metadata import version
-from typing import Any
+from typing import TYPE_CHECKING
 
-_HOME = {
-    "Pinhole": "geometry.camera",
-    "TextureDefinition": "image.texture",
-    "Measurements": "measurement.measurements",
-    "measure": "measurement.measurements",
-    "stratified_pixels": "measurement.measurements",
-    "CallableFlow": "flow",
-    "DIS": "flow",
-    "Farneback": "flow",
-    "FlowFiles": "flow",
-    "HornSchunck": "flow",
-    "LucasKanade": "flow",
-    "flow_method": "flow",
-    "Gaussian": "likelihood.families",
-    "LaplaceCauchy": "likelihood.families",
-    "LogLogistic": "likelihood.families",
-    "Index": "likelihood.schedule",
-    "Input": "likelihood.schedule",
-    "Schedule": "likelihood.schedule",
-    "Term": "likelihood.schedule",
-    "FlowLikelihood": "likelihood.likelihood",
-    "load_likelihood": "likelihood.model_file",
-    "save_likelihood": "likelihood.model_file",
-    "ErrorSketch": "calibration",
-    "Task": "calibration",
-    "fit_likelihood": "calibration",
-    "sketch_blocks": "calibration",
-    "split_blocks": "calibration",
-    "EgoMotion": "egomotion",
-    "Epipolar": "egomotion",
-    "Estimator": "egomotion",
-    "KnownDepth": "egomotion",
-    "Status": "egomotion",
-    "lcmsac": "egomotion",
-    "mle": "egomotion",
-    "ransac": "egomotion",
-    "Odometry": "odometry.odometry",
-    "Trajectory": "geometry.trajectory",
-    "open_sequence": "datasets",
-    "simulate": "simulation",
-    "FlowlikError": "errors",
-    "DataError": "errors",
-    "ModelError": "errors",
-    "CalibrationError": "errors",
-    "MissingFieldError": "errors",
-}
+from flowlik.support.lazy import lazily
+
+if TYPE_CHECKING:
+    from flowlik.datasets import open_sequence as open_sequence
+    from flowlik.egomotion import EgoMotion as EgoMotion
+    from flowlik.egomotion import Epipolar as Epipolar
+    from flowlik.egomotion import GaussianPrior as GaussianPrior
+    from flowlik.egomotion import KnownDepth as KnownDepth
+    from flowlik.egomotion import Status as Status
+    from flowlik.egomotion import lcmsac as lcmsac
+    from flowlik.egomotion import mle as mle
+    from flowlik.egomotion import ransac as ransac
+    from flowlik.errors import CalibrationError as CalibrationError
+    from flowlik.errors import DataError as DataError
+    from flowlik.errors import FlowlikError as FlowlikError
+    from flowlik.errors import MissingExtraError as MissingExtraError
+    from flowlik.errors import MissingFieldError as MissingFieldError
+    from flowlik.errors import ModelError as ModelError
+    from flowlik.flow import DIS as DIS
+    from flowlik.flow import CallableFlow as CallableFlow
+    from flowlik.flow import Farneback as Farneback
+    from flowlik.flow import FlowFiles as FlowFiles
+    from flowlik.flow import HornSchunck as HornSchunck
+    from flowlik.flow import LucasKanade as LucasKanade
+    from flowlik.flow import flow_method as flow_method
+    from flowlik.geometry import Pinhole as Pinhole
+    from flowlik.geometry import Trajectory as Trajectory
+    from flowlik.likelihood import FlowLikelihood as FlowLikelihood
+    from flowlik.likelihood import load_likelihood as load_likelihood
+    from flowlik.measurement import Measurements as Measurements
+    from flowlik.measurement import measure as measure
+    from flowlik.odometry import Odometry as Odometry
+    from flowlik.odometry import run_odometry as run_odometry
+    from flowlik.simulation import simulate as simulate
 
 __version__ = version("flowlik")
-__all__ = sorted(_HOME)
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'flowlik' has no attribute {name!r}")
-    return getattr(import_module(f"flowlik.{_HOME[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return [*__all__, "__version__"]
+__all__, __getattr__, __dir__ = lazily(
+    __name__,
+    {
+        "datasets": "open_sequence",
+        "egomotion": "EgoMotion Epipolar GaussianPrior KnownDepth Status lcmsac mle ransac",
+        "errors": "CalibrationError DataError FlowlikError MissingExtraError MissingFieldError ModelError",
+        "flow": "DIS CallableFlow Farneback FlowFiles HornSchunck LucasKanade flow_method",
+        "geometry": "Pinhole Trajectory",
+        "likelihood": "FlowLikelihood load_likelihood",
+        "measurement": "Measurements measure",
+        "odometry": "Odometry run_odometry",
+        "simulation": "simulate",
+    },
+)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from flowlik.calibration import Task, merge_all, sketch_blocks, split_blocks
-from flowlik.calibration.executors import AHEAD, bounded, executor
+from flowlik.calibration.executors import AHEAD, _bounded, executor
 from flowlik.errors import CalibrationError, DataError, MissingExtraError
 from flowlik.flow import Farneback, LucasKanade
 from flowlik.geometry.camera import Pinhole
@@ -126,7 +126,7 @@ def test_a_cluster_that_exists_is_used_by_its_address(sequence, serial, monkeypa
     distributed = pytest.importorskip("distributed")
     # a worker within this process, which keeps its threads
     monkeypatch.setattr(
-        "flowlik.calibration.executors.on_one_thread", lambda function, *items: function(*items)
+        "flowlik.calibration.executors._on_one_thread", lambda function, *items: function(*items)
     )
     with (
         distributed.LocalCluster(1, threads_per_worker=1, processes=False, dashboard_address=":0") as cluster,
@@ -183,7 +183,7 @@ class Future:
 
 def test_few_blocks_are_under_way_however_many_there_are(monkeypatch):
     monkeypatch.setattr(
-        "flowlik.calibration.executors.on_one_thread", lambda function, *items: function(*items)
+        "flowlik.calibration.executors._on_one_thread", lambda function, *items: function(*items)
     )
     taken = []
 
@@ -192,7 +192,7 @@ def test_few_blocks_are_under_way_however_many_there_are(monkeypatch):
             taken.append(i)
             yield i
 
-    ordered = bounded(Future, Future.result, AHEAD * 2)
+    ordered = _bounded(Future, Future.result, AHEAD * 2)
     results = ordered(lambda i: -i, blocks())
     assert not taken
     assert next(results) == 0

@@ -6,7 +6,7 @@ import pytest
 from flowlik.calibration.run import split_blocks
 from flowlik.calibration.shared_errors import (
     EMPHASES,
-    field_errors,
+    _field_errors,
     measured_pairs,
     spread_pairs,
     with_shared_errors,
@@ -50,7 +50,7 @@ def emphasis_of(shared: float, pairs: int = 60) -> float:
         sigma = 1 / np.sqrt(MODEL.fisher(x))
         together = np.einsum("nij,i->nj", m.R_i_e, rng.normal(size=2))
         z = sigma * (np.sqrt(1 - shared) * rng.normal(size=sigma.shape) + np.sqrt(shared) * together)
-        logs.append(np.log(field_errors(MODEL, m, z)))
+        logs.append(np.log(_field_errors(MODEL, m, z)))
     return float(EMPHASES[np.argmin(np.mean(logs, axis=0))])
 
 
@@ -77,7 +77,7 @@ def test_field_errors_are_those_of_weighted_least_squares():
     found = np.linalg.lstsq(np.array(rows), np.array(rhs), rcond=None)[0].reshape(2, 3)
     field = np.column_stack([np.ones(len(m)), m.pixels]) @ found.T
     expected = np.sqrt((field**2).sum(axis=1).mean())
-    assert field_errors(MODEL, m, z)[0] == pytest.approx(expected, rel=1e-2)
+    assert _field_errors(MODEL, m, z)[0] == pytest.approx(expected, rel=1e-2)
 
 
 def test_a_calibrated_model_knows_what_errors_share_and_its_file_keeps_it(tmp_path):

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flowlik.calibration.correlation import ScoreProducts, fit_correlation
+from flowlik.calibration._correlation import ScoreProducts, fit_correlation
 from flowlik.egomotion import KnownDepth, lcmsac, mle
 from flowlik.egomotion.covariance import SPACING, score_covariance, smoothed_products
 from flowlik.errors import ModelError
@@ -213,7 +213,7 @@ def test_products_merge_by_addition():
 
 
 def edges():
-    from flowlik.calibration.correlation import EDGES_PX
+    from flowlik.calibration._correlation import EDGES_PX
 
     return EDGES_PX
 

@@ -5,7 +5,7 @@ from scipy import ndimage
 
 from flowlik.errors import DataError, ModelError
 from flowlik.flow import DIS, PRESETS, Farneback, LucasKanade, describe, detect_corners, flow_method
-from flowlik.flow.base import sample_dense
+from flowlik.flow.base import _sample_dense
 from tests.helpers import textured_image
 
 SHAPE = (120, 160)
@@ -86,7 +86,7 @@ def test_dense_flow_is_bilinear_between_pixels(count):
     flow = np.random.default_rng(1).normal(0, 5, (*SHAPE, 2)).astype(np.float32)
     pixels = np.random.default_rng(2).uniform([0, 0], [159, 119], (count, 2))
     expected = [ndimage.map_coordinates(flow[..., c].astype(float), pixels.T[::-1], order=1) for c in (0, 1)]
-    np.testing.assert_allclose(sample_dense(flow, pixels), np.transpose(expected), atol=1e-5)
+    np.testing.assert_allclose(_sample_dense(flow, pixels), np.transpose(expected), atol=1e-5)
 
 
 @pytest.mark.parametrize("method", [*PRESETS.values(), Farneback(levels=2), LucasKanade(window=9)])

@@ -7,8 +7,8 @@ from flowlik.errors import ModelError
 from flowlik.flow import Farneback, LucasKanade
 from flowlik.image.texture import TextureDefinition
 from flowlik.likelihood.covariates import COVARIATES, covariate, of_components
+from flowlik.measurement._signals import SIGNALS, Pair, signal
 from flowlik.measurement.measurements import Measurements, measure
-from flowlik.measurement.signals import SIGNALS, Pair, signal
 from tests.helpers import textured_image
 
 SHAPE = (70, 100)

@@ -61,7 +61,7 @@ class SketchCache:
             If the folder holds the sketches of another plan.
         """
         self._expected = [ErrorSketch.empty(i, task.covariates) for task in tasks for i in task.indices]
-        self._plan, self._firsts = plan(blocks, tasks), first_sketches(tasks)
+        self._plan, self._firsts = _plan(blocks, tasks), first_sketches(tasks)
         if not self.folder.is_dir() or not any(self.folder.iterdir()):
             return
         path = self.folder / PLAN
@@ -116,7 +116,7 @@ class SketchCache:
         return [self.folder / f"block-{block:06d}-{i:02d}.npz" for i in range(len(self._expected))]
 
 
-def plan(blocks: Seq[Block], tasks: Seq[Task]) -> Any:
+def _plan(blocks: Seq[Block], tasks: Seq[Task]) -> Any:
     """What decides the sketches of blocks, as plain JSON: data, tasks, seeds, versions.
 
     Of each sequence the first image and the number of frames stand for its content.

@@ -70,7 +70,7 @@ def executor(
     return EXECUTORS[name](workers or threads.THREADS, scheduler)
 
 
-def bounded(submit: Callable[..., Any], result: Callable[[Any], Any], most: int) -> Map:
+def _bounded(submit: Callable[..., Any], result: Callable[[Any], Any], most: int) -> Map:
     """Lazy, ordered `map` that keeps at most so many calls under way.
 
     Parameters
@@ -89,7 +89,7 @@ def bounded(submit: Callable[..., Any], result: Callable[[Any], Any], most: int)
             for items in zip(*lists):
                 if len(waiting) == most:
                     yield result(waiting.popleft())
-                waiting.append(submit(on_one_thread, function, *items))
+                waiting.append(submit(_on_one_thread, function, *items))
             while waiting:
                 yield result(waiting.popleft())
         finally:
@@ -99,7 +99,7 @@ def bounded(submit: Callable[..., Any], result: Callable[[Any], Any], most: int)
     return ordered
 
 
-def on_one_thread(function: Callable[..., Any], *items: Any) -> Any:
+def _on_one_thread(function: Callable[..., Any], *items: Any) -> Any:
     """Call a function in a process that has neighbours, with whom threads of its own would only compete."""
     cv2.setNumThreads(1)
     threads.THREADS = 1
@@ -122,7 +122,7 @@ def _processes(workers: int, scheduler: str | None) -> Iterator[Map]:
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin_worker)
     try:
-        yield bounded(pool.submit, result, AHEAD * workers)
+        yield _bounded(pool.submit, result, AHEAD * workers)
     finally:
         pool.shutdown(cancel_futures=True)
 
@@ -164,7 +164,7 @@ def _dask(workers: int, scheduler: str | None) -> Iterator[Map]:
                         f"workers died again and again over one block (out of memory?); {AGAIN}"
                     ) from None
 
-            yield bounded(submit, result, AHEAD * sum(client.nthreads().values()))
+            yield _bounded(submit, result, AHEAD * sum(client.nthreads().values()))
         finally:
             client.close()
     finally:

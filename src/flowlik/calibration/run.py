@@ -32,7 +32,7 @@ def split_blocks(sequence: ImageSequence, seed: int, frames: int = 10) -> list[B
     return [Block(sequence, firsts[i : i + frames], seed + firsts[i]) for i in range(0, len(firsts), frames)]
 
 
-def sketch_block(block: Block, tasks: Seq[Task]) -> list[ErrorSketch]:
+def _sketch_block(block: Block, tasks: Seq[Task]) -> list[ErrorSketch]:
     """Sketches of a block of frames: for each task, one an index."""
     sketches = [ErrorSketch.empty(index, task.covariates) for task in tasks for index in task.indices]
     for k in block.firsts:
@@ -76,7 +76,7 @@ def sketch_blocks(
     Yields
     ------
     list of ErrorSketch
-        For each block in order, what `sketch_block` gives.
+        For each block in order, what `_sketch_block` gives.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def sketch_blocks(
     """
 
     def measured(blocks: Seq[Block]) -> Iterator[list[ErrorSketch]]:
-        yield from map(sketch_block, blocks, [tuple(tasks)] * len(blocks))
+        yield from map(_sketch_block, blocks, [tuple(tasks)] * len(blocks))
 
     if cache is None:
         yield from measured(blocks)

@@ -9,7 +9,7 @@ from functools import reduce
 
 import numpy as np
 
-from flowlik.calibration.correlation import ScoreProducts, fit_correlation
+from flowlik.calibration._correlation import ScoreProducts, fit_correlation
 from flowlik.calibration.pairs import pair_errors
 from flowlik.calibration.tasks import Block
 from flowlik.datasets.base import ImageSequence, frame_pairs
@@ -68,12 +68,12 @@ def with_shared_errors(likelihood: FlowLikelihood, pairs: Pairs) -> FlowLikeliho
     emphasis = 0.0
     paper = likelihood.family.name == LaplaceCauchy.name and likelihood.schedule.name == "texture"
     if not paper and len(pairs) >= FEWEST:
-        logs = [np.log(field_errors(likelihood, m, z)) for m, z in pairs]
+        logs = [np.log(_field_errors(likelihood, m, z)) for m, z in pairs]
         emphasis = float(EMPHASES[np.argmin(np.mean(logs, axis=0))])
     return replace(likelihood, correlation=correlation, emphasis=emphasis)
 
 
-def field_errors(likelihood: FlowLikelihood, m: Measurements, z: Array) -> Array:
+def _field_errors(likelihood: FlowLikelihood, m: Measurements, z: Array) -> Array:
     """Errors (E,) [px] of the affine motion field, at each of `EMPHASES`, where the true field is zero.
 
     One step of scoring from the truth, over errors z (N, 2) [px] in the eigenbasis; the field's RMS at the

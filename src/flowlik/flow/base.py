@@ -135,12 +135,12 @@ def inside_image(pixels: Array, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     return np.asarray(((pixels >= 0) & (pixels <= [shape[1] - 1, shape[0] - 1])).all(axis=1))
 
 
-def sample_dense(flow: NDArray[np.float32], pixels: Array) -> Array:
+def _sample_dense(flow: NDArray[np.float32], pixels: Array) -> Array:
     """Dense flow (H, W, 2) at pixels (N, 2): exact at whole pixels, bilinear between, NaN outside."""
     inside = inside_image(pixels, flow.shape)
     if not inside.all():
         sampled = np.full((len(pixels), 2), np.nan)
-        sampled[inside] = sample_dense(flow, pixels[inside])
+        sampled[inside] = _sample_dense(flow, pixels[inside])
         return sampled
     whole = np.rint(pixels)
     if np.array_equal(whole, pixels):
@@ -153,7 +153,7 @@ def sampler(method: FlowMethod, previous: Image, current: Image) -> Callable[[Ar
     """Flow (N, 2) [px] of an image pair as a function of pixels (N, 2); a dense one is computed once."""
     if isinstance(method, DenseFlow):
         flow = method.dense(previous, current)
-        return lambda pixels: sample_dense(flow, pixels)
+        return lambda pixels: _sample_dense(flow, pixels)
     return lambda pixels: method.measure_at(previous, current, pixels)
 
 
@@ -173,4 +173,4 @@ class DenseFlow(ABC):
 
         The whole image is measured on every call.
         """
-        return sample_dense(self.dense(previous, current), pixels)
+        return _sample_dense(self.dense(previous, current), pixels)

@@ -1,1 +1,18 @@
 """Cameras, rigid motions and trajectories."""
+
+from flowlik.geometry.camera import Distortion, Pinhole
+from flowlik.geometry.motion import exp_se3, right_covariance
+from flowlik.geometry.trajectory import Trajectory, chain, read_kitti, read_tum, write_kitti, write_tum
+
+__all__ = [
+    "Distortion",
+    "Pinhole",
+    "Trajectory",
+    "chain",
+    "exp_se3",
+    "read_kitti",
+    "read_tum",
+    "right_covariance",
+    "write_kitti",
+    "write_tum",
+]

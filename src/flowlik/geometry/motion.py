@@ -33,7 +33,7 @@ def adjoint(T: RigidTransform) -> Array:
     return adjoint
 
 
-def small_adjoint(xi: Array) -> Array:
+def _small_adjoint(xi: Array) -> Array:
     """Matrix (6, 6) of the Lie bracket with a tangent vector (6,)."""
     ad = np.zeros((6, 6))
     ad[:3, :3] = ad[3:, 3:] = skew(xi[:3])
@@ -43,7 +43,7 @@ def small_adjoint(xi: Array) -> Array:
 
 def inverse_left_jacobian(xi: Array) -> Array:
     """Derivative (6, 6) of ``log(exp(delta) exp(xi))`` by delta at 0; to the fourth order of xi (6,)."""
-    ad = small_adjoint(xi)
+    ad = _small_adjoint(xi)
     square = ad @ ad
     return np.eye(6) - ad / 2 + square / 12 - square @ square / 720
 
@@ -71,14 +71,14 @@ def inverse_range(camera: Pinhole, pixels: Array, depth_z: Array) -> Array:
         return 1.0 / (depth_z * np.linalg.norm(camera.rays(pixels), axis=-1))
 
 
-def moved_directions(T_k_prev: RigidTransform, camera: Pinhole, pixels: Array, rho: Array) -> Array:
+def _moved_directions(T_k_prev: RigidTransform, camera: Pinhole, pixels: Array, rho: Array) -> Array:
     """Points (N, 3) of Eq. (1) in {c} of image k, scaled by rho: ``C T [p2v(p); rho]``."""
     return T_k_prev.rotation.apply(camera.p2v(pixels)) + rho[:, None] * T_k_prev.translation
 
 
 def g(T_k_prev: RigidTransform, camera: Pinhole, pixels: Array, rho: Array) -> Array:
     """Pixels (N, 2) in image k of pixels (N, 2) of image k-1 with inverse range rho (N,) [1/m]; Eq. (1)."""
-    return camera.v2p(moved_directions(T_k_prev, camera, pixels, rho))
+    return camera.v2p(_moved_directions(T_k_prev, camera, pixels, rho))
 
 
 def h(T_k_prev: RigidTransform, camera: Pinhole, pixels: Array, rho: Array) -> Array:
@@ -88,7 +88,7 @@ def h(T_k_prev: RigidTransform, camera: Pinhole, pixels: Array, rho: Array) -> A
 
 def h_jacobian(T_k_prev: RigidTransform, camera: Pinhole, pixels: Array, rho: Array) -> Array:
     """Derivative (N, 2, 6) [px/rad, px/m] of `h` along the tangent of ``T_k_prev`` (left perturbation)."""
-    moved = moved_directions(T_k_prev, camera, pixels, rho)
+    moved = _moved_directions(T_k_prev, camera, pixels, rho)
     translation = np.broadcast_to(np.eye(3), (len(moved), 3, 3)) * rho[:, None, None]
     return camera.v2p_jacobian(moved) @ np.concatenate([-skew(moved), translation], axis=-1)
 

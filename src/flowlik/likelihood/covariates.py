@@ -2,7 +2,7 @@
 
 A covariate is a function of Measurements and of a unit direction in {i}; along the eigenvectors it gives the
 (N, 2) values of the eigen-components, along an epipolar normal those of the epipolar error. Some need signals
-that cost more flow (`flowlik.measurement.signals`); a schedule names its covariates, so that only these
+that cost more flow (`flowlik.measurement.SIGNALS`); a schedule names its covariates, so that only these
 are measured.
 """
 
@@ -32,7 +32,7 @@ class Covariate:
         ``along(measurements, n)``: values (N,) >= 0 along unit vectors n (N, 2) in {i}; infinite where the
         signal behind it is missing, as where the flow has no way back.
     signals : tuple of str
-        What must have been measured, names in `flowlik.measurement.signals.SIGNALS`.
+        What must have been measured, names in `flowlik.measurement.SIGNALS`.
     isotropic : bool
         Whether it is the same along every direction.
     """

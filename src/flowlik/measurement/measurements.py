@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flowlik.errors import DataError
 from flowlik.flow.base import DenseFlow, FlowMethod, Windowed, all_pixels, check_pair, describe, sampler
 from flowlik.image.texture import TextureDefinition, eigenbasis, sample_tensor, structure_tensor
-from flowlik.measurement.signals import Pair, signal
+from flowlik.measurement._signals import Pair, signal
 from flowlik.support.arrays import Array
 
 
@@ -36,7 +36,7 @@ class Measurements:
     method : dict
         Flow method's name and parameters, as in model files.
     signals : dict of str to array (N,), (N, 2) or (N, 3)
-        What else was measured about each vector, by its name in `flowlik.measurement.signals`; NaN
+        What else was measured about each vector, by its name in `flowlik.measurement.SIGNALS`; NaN
         where it failed.
     lost : int
         Asked-for pixels without a finite flow, left out.

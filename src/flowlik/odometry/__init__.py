@@ -1,1 +1,18 @@
 """Ego-motion over a sequence: loop, scale, boresight, motion model, self-calibration, outputs."""
+
+from flowlik.odometry.boresight import Boresight
+from flowlik.odometry.loop import run_odometry
+from flowlik.odometry.odometry import Odometry
+from flowlik.odometry.scale import scale_source
+from flowlik.odometry.self_calibration import SelfCalibration
+from flowlik.odometry.trajectory_covariance import read_covariance_csv, trajectory_covariance
+
+__all__ = [
+    "Boresight",
+    "Odometry",
+    "SelfCalibration",
+    "read_covariance_csv",
+    "run_odometry",
+    "scale_source",
+    "trajectory_covariance",
+]

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.evaluation.motion.data_check import Agreement, agreement, disagreeing, disagreement_warning
+from flowlik.evaluation.motion.data_check import Agreement, _disagreeing, agreement, disagreement_warning
 from tests.helpers import CAMERA, lcm_likelihood, make_scene, random_motion
 
 
@@ -13,15 +13,15 @@ def test_a_true_motion_agrees_and_another_does_not():
     good, bad = (agreement(m, CAMERA, truth, motion) for truth in (motion, other))
     assert good.truth_px == good.found_px < 1.0
     assert bad.truth_px > 5.0
-    assert disagreeing([good, bad, good]).tolist() == [1]
+    assert _disagreeing([good, bad, good]).tolist() == [1]
 
 
 def test_a_standstill_says_nothing():
     rng, still = np.random.default_rng(1), RigidTransform.identity()
     m = make_scene(random_motion(rng), rng, n=20).measurements
     assert np.isnan(agreement(m, CAMERA, still, random_motion(rng)).truth_px)
-    assert not len(disagreeing([Agreement(np.nan, np.nan)]))
-    assert not len(disagreeing([]))
+    assert not len(_disagreeing([Agreement(np.nan, np.nan)]))
+    assert not len(_disagreeing([]))
 
 
 def test_the_warning_names_frames():
@@ -52,4 +52,4 @@ def test_real_images_of_other_frames_are_noticed(shared_data, splice):
         found = opencv_essential(Epipolar.of(m, sequence.camera))
         assert found is not None
         pairs.append(agreement(m, sequence.camera, truth, found))
-    assert disagreeing(pairs).tolist() == ([2, 3] if splice else [])
+    assert _disagreeing(pairs).tolist() == ([2, 3] if splice else [])

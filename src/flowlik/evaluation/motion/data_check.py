@@ -36,7 +36,7 @@ def agreement(m: Measurements, camera: Pinhole, truth: RigidTransform, found: Ri
     return Agreement(*(float(np.nanmedian(np.abs(z))) for z in distances))
 
 
-def disagreeing(pairs: Iterable[Agreement]) -> NDArray[np.intp]:
+def _disagreeing(pairs: Iterable[Agreement]) -> NDArray[np.intp]:
     """Numbers of the pairs whose images contradict the true motion.
 
     Its median distance is above 2 px and three times that of the motion found: noise of poses and wrong
@@ -48,7 +48,7 @@ def disagreeing(pairs: Iterable[Agreement]) -> NDArray[np.intp]:
 
 def disagreement_warning(name: str, frames: Array, pairs: list[Agreement]) -> str | None:
     """What to tell of pairs that disagree; ``frames`` (N,) are the later frames' numbers of all pairs."""
-    bad = disagreeing(pairs)
+    bad = _disagreeing(pairs)
     if not len(bad):
         return None
     shown = ", ".join(str(int(frames[i])) for i in bad[:SHOWN]) + (", …" if len(bad) > SHOWN else "")

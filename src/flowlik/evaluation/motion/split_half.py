@@ -101,16 +101,18 @@ def truth_distances(found: Seq[EgoMotion], truth: Seq[RigidTransform]) -> Array:
 
     Lengths of translation do not count.
     """
-    return np.array([_distance(unit(a.T_k_prev), unit(T), unit_covariance(a)) for a, T in zip(found, truth)])
+    return np.array(
+        [_distance(_unit(a.T_k_prev), _unit(T), _unit_covariance(a)) for a, T in zip(found, truth)]
+    )
 
 
-def unit(T_k_prev: RigidTransform) -> RigidTransform:
+def _unit(T_k_prev: RigidTransform) -> RigidTransform:
     """Motion with a translation of unit length."""
     t = T_k_prev.translation
     return RigidTransform.from_components(t / np.linalg.norm(t), T_k_prev.rotation)
 
 
-def unit_covariance(motion: EgoMotion) -> Array:
+def _unit_covariance(motion: EgoMotion) -> Array:
     """Covariance (6, 6) of the motion with a translation of unit length."""
     factor = np.repeat([1.0, float(np.linalg.norm(motion.T_k_prev.translation))], 3)
     return np.asarray(motion.covariance / np.outer(factor, factor))
