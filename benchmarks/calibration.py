@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +32,7 @@ from flowlik.datasets import open_sequence
 from flowlik.datasets.base import ImageSequence
 from flowlik.evaluation.likelihood.goodness import (
     CONFIDENCES,
+    Counting,
     coverage,
     held_out_floor,
     kolmogorov_smirnov,
@@ -60,7 +61,7 @@ REAL = {
     "7-Scenes (soft truth)": "sevenscenes",
 }
 SHOWN = (("index", "glc"), ("texture", "lcm"), ("flow", "lcm"), ("texture", "gaussian"))
-LEAST_COMPONENTS, LEAST_FRAMES = 10_000, 20
+COUNTING = Counting(10_000, 20)
 
 
 @dataclass(frozen=True)
@@ -125,9 +126,9 @@ def records_of(
     for (schedule, family), model in models.items():
         blocks = [b for b in sketches[model.schedule.index] if b.total]
         merged = merge_all(blocks)
-        frames = LEAST_FRAMES if len(blocks) > 1 else 1
-        ks = kolmogorov_smirnov(merged, model, LEAST_COMPONENTS, frames)
-        found = levels(blocks, model, LEAST_COMPONENTS, frames)
+        counting = COUNTING if len(blocks) > 1 else replace(COUNTING, least_frames=1)
+        ks = kolmogorov_smirnov(merged, model, counting)
+        found = levels(blocks, model, counting)
         by_level = found.coverage[found.counted]
         low, high = nll_interval(blocks, model, np.random.default_rng(0))
         figures = {
@@ -140,7 +141,7 @@ def records_of(
             "outside_fraction": outside_range(merged, model),
         }
         note = protocol(
-            **keys, pairs=merged.pairs, levels=f"≥{LEAST_COMPONENTS} components",
+            **keys, pairs=merged.pairs, levels=f"≥{COUNTING.least_components} components",
             nll_interval_95=f"{low:.3f} … {high:.3f}",
             counted_share=f"{ks.counted_share:.3f}",
         )  # fmt: skip
@@ -190,7 +191,7 @@ def held_out(method: str, options: Options) -> Iterator[Record]:
         merged[name] = merge_all(sketches[Index()])
     first, *others = merged
     for name in others:
-        value = held_out_floor(merged[first], merged[name], LEAST_COMPONENTS, LEAST_FRAMES).median
+        value = held_out_floor(merged[first], merged[name], COUNTING).median
         print(
             f"{method:<16} {name:<24} K-S between its errors and those of '{first}': {value:.3f}", flush=True
         )

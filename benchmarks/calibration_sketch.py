@@ -19,7 +19,7 @@ from scipy.optimize import minimize
 
 from flowlik.calibration import ErrorSketch, fit, place_knots
 from flowlik.calibration.sketch import level_edges
-from flowlik.evaluation.likelihood.goodness import kolmogorov_smirnov, negative_log_likelihood
+from flowlik.evaluation.likelihood.goodness import Counting, kolmogorov_smirnov, negative_log_likelihood
 from flowlik.likelihood.families import LaplaceCauchy
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.schedule import Index, Schedule
@@ -154,7 +154,7 @@ def records(components: int = 50_000_000, raw: int = RAW_FIT, seed: int = 0) -> 
     of_sketch = negative_log_likelihood(whole, model)
     found.append(record("sketch_nll_error", of_sketch - score, "nat", components, raw=score))
 
-    ks = kolmogorov_smirnov(whole, model, LEAST, 1)
+    ks = kolmogorov_smirnov(whole, model, Counting(LEAST, 1))
     levels = [int(level) for level in np.flatnonzero(ks.counted)]
     gaps = ks.statistic[levels] - raw_ks(components, seed, model, levels)
     worst = float(np.abs(gaps).max())

@@ -27,7 +27,12 @@ from flowlik.calibration import (
     with_shared_errors,
 )
 from flowlik.calibration.shared_errors import Pairs
-from flowlik.evaluation.likelihood.goodness import coverage, kolmogorov_smirnov, negative_log_likelihood
+from flowlik.evaluation.likelihood.goodness import (
+    Counting,
+    coverage,
+    kolmogorov_smirnov,
+    negative_log_likelihood,
+)
 from flowlik.flow import flow_method
 from flowlik.image.texture import TextureDefinition
 from flowlik.likelihood.families import error_family
@@ -50,7 +55,7 @@ def measured(method: str, cache: Path, kitti_poses: Path | None) -> list[list[li
 def with_goodness(likelihood: FlowLikelihood, blocks: list[ErrorSketch]) -> FlowLikelihood:
     """Likelihood whose file tells how well it fits its own calibration data."""
     merged = merge_all(blocks)
-    ks = kolmogorov_smirnov(merged, likelihood, 10_000, 30)
+    ks = kolmogorov_smirnov(merged, likelihood, Counting(10_000))
     figures = {
         "nll": negative_log_likelihood(merged, likelihood),
         "ks_median": ks.median,

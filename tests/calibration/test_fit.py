@@ -4,7 +4,7 @@ from scipy.optimize import minimize
 
 from flowlik.calibration import ErrorSketch, fit, place_knots
 from flowlik.errors import CalibrationError
-from flowlik.evaluation.likelihood.goodness import kolmogorov_smirnov, negative_log_likelihood
+from flowlik.evaluation.likelihood.goodness import Counting, kolmogorov_smirnov, negative_log_likelihood
 from flowlik.likelihood.families import FAMILIES
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.schedule import Index, Schedule
@@ -31,7 +31,7 @@ def test_a_known_table_is_recovered_from_its_own_samples(model):
     sketch = sketch_of(x, z)
     schedule, convergence = fit(sketch, model.family, KNOTS)
     fitted = FlowLikelihood(model.family, schedule)
-    ks = kolmogorov_smirnov(sketch, fitted, least_components=5_000, least_frames=1)
+    ks = kolmogorov_smirnov(sketch, fitted, Counting(5_000, 1))
     assert ks.counted.sum() >= 30
     # 2.2 / sqrt(n) is exceeded by one level in ten thousand
     assert (ks.statistic[ks.counted] < 2.2 / np.sqrt(ks.counts[ks.counted]) + 2e-3).all()

@@ -5,7 +5,7 @@ import pytest
 
 from flowlik.calibration import ErrorSketch, fit
 from flowlik.calibration.sketch import level_edges
-from flowlik.evaluation.likelihood.goodness import kolmogorov_smirnov, negative_log_likelihood
+from flowlik.evaluation.likelihood.goodness import Counting, kolmogorov_smirnov, negative_log_likelihood
 from flowlik.likelihood.families import LaplaceCauchy
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.schedule import Index
@@ -46,7 +46,7 @@ def test_log_score_is_that_of_the_samples(samples, sketch, model):
 
 def test_ks_is_that_of_the_samples(samples, sketch, model):
     x, z = samples
-    found = kolmogorov_smirnov(sketch, model, 10_000, 1)
+    found = kolmogorov_smirnov(sketch, model, Counting(10_000, 1))
     assert found.counted.sum() >= 5
     edges = np.log(level_edges())
     grid = np.geomspace(1e-5, 1e5, 2000)

@@ -6,6 +6,7 @@ import pytest
 from flowlik.commands.plans import FULL, METHODS, QUICK, Flight, Plan
 from flowlik.commands.reproduce import reproduce
 from flowlik.commands.reproduce_flights import BASELINE
+from flowlik.evaluation.likelihood.goodness import Counting
 from flowlik.likelihood.model_file import load_likelihood
 from flowlik.results.records import read_records, select
 
@@ -16,8 +17,7 @@ TINY = Plan(
     fov_deg=120.0,
     calibration=(Flight(0, "training", 6.0, 12), Flight(1, "training", 12.0, 12)),
     held_out=(Flight(100, "curve", 6.0, 10),),
-    least_components=500,
-    least_frames=5,
+    counting=Counting(500, 5),
 )
 HELD_OUT = f"planes-{TINY.held_out[0].label}"
 ESTIMATORS = ("ransac", "lcmsac", "mle", "lcmsac-index", "mle-index", BASELINE)

@@ -31,7 +31,7 @@ from flowlik.commands.sketching import sketch_for_run
 from flowlik.datasets import open_sequence
 from flowlik.evaluation.likelihood import evidence, table
 from flowlik.evaluation.likelihood.bias import bias_records
-from flowlik.evaluation.likelihood.goodness import outside_range
+from flowlik.evaluation.likelihood.goodness import Counting, outside_range
 from flowlik.flow import describe, flow_method, method_label
 from flowlik.flow.base import FlowMethod
 from flowlik.likelihood.families import FAMILIES, error_family
@@ -51,7 +51,7 @@ def calibrate(
     data: Sequence[Path],
     method: str,
     out: Path,
-    options: CalibrateOptions = CalibrateOptions(),  # noqa: B008
+    options: CalibrateOptions = CalibrateOptions(),
     *,
     command: str = "flowlik calibrate",
     progress: Progress = no_progress,
@@ -170,8 +170,7 @@ def add_evidence(
     dataset: str,
     label: str,
     seed: int | None,
-    least_components: int = 100_000,
-    least_frames: int = 30,
+    counting: Counting = Counting(),
     **keys: object,
 ) -> None:
     """Add to a run the records and figures of models on one population of errors.
@@ -180,10 +179,8 @@ def add_evidence(
     """
     merged, main = merge_all(blocks), next(iter(models.values()))
     for model in models.values():
-        run.records += table.model_records(
-            blocks, model, dataset, seed, least_components, least_frames, **keys
-        )
-    figures = table.figures([blocks], models, least_components, least_frames)
+        run.records += table.model_records(blocks, model, dataset, seed, counting, **keys)
+    figures = table.figures([blocks], models, counting)
     flow = method_label(main.method) if main.method else None
     if select(run.records, metric="negative_share", dataset=dataset, flow=flow):
         del figures["bias"]  # it is the flow's, whatever the schedule

@@ -12,18 +12,21 @@ from flowlik.commands.sketching import sketch_for_run
 from flowlik.datasets import open_sequence
 from flowlik.errors import DataError
 from flowlik.evaluation.likelihood.eigenbasis import kept_for_eigenbasis
+from flowlik.evaluation.likelihood.goodness import Counting
 from flowlik.flow import confirmed_method, method_label
 from flowlik.likelihood.model_file import load_likelihood
 from flowlik.report import finish
 from flowlik.results.runs import RunFolder
 from flowlik.support.progress import Progress, no_progress
 
+COUNTING = Counting(10_000, 1)
+
 
 def evaluate(
     model: Path,
     data: Sequence[Path],
     out: Path,
-    options: EvaluateOptions = EvaluateOptions(),  # noqa: B008
+    options: EvaluateOptions = EvaluateOptions(),
     *,
     command: str = "flowlik evaluate",
     progress: Progress = no_progress,
@@ -68,6 +71,6 @@ def evaluate(
             raise DataError(f"{sequence.name}: no errors to evaluate (one image, no texture or no truth?)")
         label = f"{method_label(likelihood.method or {})}-{sequence.name.replace('/', '-')}"
         models = {likelihood.family.name: likelihood}
-        add_evidence(run, sketches, models, sequence.name, label, options.seed, 10_000, 1, split="evaluation")
+        add_evidence(run, sketches, models, sequence.name, label, options.seed, COUNTING, split="evaluation")
     finish(run)
     return run

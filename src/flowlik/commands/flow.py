@@ -38,7 +38,7 @@ def flow(
     current: Path,
     model: Path,
     out: Path,
-    options: FlowOptions = FlowOptions(),  # noqa: B008
+    options: FlowOptions = FlowOptions(),
     *,
     command: str = "flowlik flow",
 ) -> RunFolder:

@@ -32,7 +32,7 @@ def kitti_table(
     data: Path,
     model: Path,
     out: Path,
-    options: KittiOptions = KittiOptions(),  # noqa: B008
+    options: KittiOptions = KittiOptions(),
     *,
     command: str = "flowlik reproduce --kitti",
     progress: Progress = no_progress,

@@ -42,7 +42,7 @@ ESTIMATORS = ("ransac", "lcmsac", "mle")
 def odometry(
     data: Path,
     out: Path,
-    options: OdometryOptions = OdometryOptions(),  # noqa: B008
+    options: OdometryOptions = OdometryOptions(),
     *,
     command: str = "flowlik odometry",
     progress: Progress = no_progress,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from flowlik.evaluation.likelihood.goodness import Counting
+
 METHODS = ("farneback", "lucas-kanade")
 SPEEDS_MPS = (1.5, 3.0, 6.0, 12.0)
 BYTES_A_FRAME = 1_700_000
@@ -42,8 +44,7 @@ class Plan:
     fov_deg: float
     calibration: tuple[Flight, ...]
     held_out: tuple[Flight, ...]
-    least_components: int
-    least_frames: int
+    counting: Counting
     dense_pixels: int | None = None
     cached: bool = False
 
@@ -72,8 +73,7 @@ QUICK = Plan(
     fov_deg=120.0,
     calibration=tuple(Flight(seed, "training", v, 20) for seed in (0, 1) for v in SPEEDS_MPS),
     held_out=(Flight(100, "curve", 6.0, 60), Flight(101, "curve", 9.0, 60)),
-    least_components=10_000,
-    least_frames=20,
+    counting=Counting(10_000, 20),
     dense_pixels=20_000,
 )
 
@@ -92,7 +92,6 @@ FULL = Plan(
     ),
     # 100 m, and one lap of the figure eight (198 m)
     held_out=(Flight(100, "straight", 6.0, 1000), Flight(101, "forest-fig8", 6.0, 1980)),
-    least_components=100_000,
-    least_frames=30,
+    counting=Counting(),
     cached=True,
 )

@@ -173,6 +173,4 @@ def _add_evidence(
     schedule = next(iter(models.values())).schedule.name
     label = f"{method.name}-{dataset}" + ("-index" if schedule == "index" else "")
     seed = plan.calibration[0].seed
-    add_evidence(
-        run, blocks, models, dataset, label, seed, plan.least_components, plan.least_frames, split=split
-    )
+    add_evidence(run, blocks, models, dataset, label, seed, plan.counting, split=split)

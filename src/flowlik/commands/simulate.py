@@ -13,7 +13,7 @@ from flowlik.support.progress import Progress, no_progress
 def simulate(
     world: str,
     out: Path,
-    options: SimulateOptions = SimulateOptions(),  # noqa: B008
+    options: SimulateOptions = SimulateOptions(),
     *,
     progress: Progress = no_progress,
 ) -> Path:

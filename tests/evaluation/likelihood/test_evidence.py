@@ -4,6 +4,7 @@ from scipy.integrate import trapezoid
 
 from flowlik.calibration import ErrorSketch
 from flowlik.evaluation.likelihood import evidence
+from flowlik.evaluation.likelihood.goodness import Counting
 from flowlik.likelihood.families import LaplaceCauchy
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.schedule import Index, Schedule
@@ -35,8 +36,8 @@ def sketch(blocks):
     return evidence.merge_all(blocks)
 
 
-def records_of(blocks, least_components=1000, least_frames=2, **keys):
-    found = evidence.goodness_records(blocks, MODEL, "drawn", 5, least_components, least_frames, **keys)
+def records_of(blocks, counting=Counting(1000, 2), **keys):
+    found = evidence.goodness_records(blocks, MODEL, "drawn", 5, counting, **keys)
     return {record.metric: record for record in found}
 
 
@@ -68,7 +69,7 @@ def test_errors_of_another_population_are_not(blocks):
 
 
 def test_levels_with_too_little_are_not_counted(blocks, recwarn):
-    records = records_of(blocks[:2], least_components=10**9)
+    records = records_of(blocks[:2], counting=Counting(10**9))
     assert records["ks_median"].value is None and records["ks_max"].value is None
     assert "counted=0 of" in records["ks_median"].protocol
     assert "interval_95=none" in records["ks_median"].protocol
@@ -139,7 +140,7 @@ def test_levels_without_data_are_not_shown():
 
 def test_arrays_of_goodness_and_coverage(sketch):
     models = {"lcm": (sketch, MODEL), "again": (sketch, lcm_likelihood())}
-    goodness = evidence.goodness(models, 1000, 2)
+    goodness = evidence.goodness(models, Counting(1000, 2))
     assert goodness["ks"].shape == (2, len(goodness["texture"]))
     np.testing.assert_array_equal(*goodness["ks"])
     assert goodness["counts"].sum() == sketch.total and (goodness["counts"] > 0).all()

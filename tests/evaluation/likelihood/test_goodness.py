@@ -4,6 +4,7 @@ from scipy import stats
 
 from flowlik.calibration import ErrorSketch
 from flowlik.evaluation.likelihood import goodness
+from flowlik.evaluation.likelihood.goodness import Counting
 from flowlik.likelihood.families import LaplaceCauchy
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.schedule import Index, Schedule
@@ -41,7 +42,7 @@ def test_a_sketch_scores_as_raw_samples_do(model):
 
 @every_model
 def test_samples_of_the_model_itself_differ_by_chance_only(model):
-    ks = goodness.kolmogorov_smirnov(sketch_of(*draw(model)), model, least_components=1000, least_frames=1)
+    ks = goodness.kolmogorov_smirnov(sketch_of(*draw(model)), model, Counting(1000, 1))
     assert ks.counted.sum() > 50
     # Kolmogorov's distribution: median 0.83, and 2.2 once in ten thousand
     scaled = (ks.statistic * np.sqrt(ks.counts))[ks.counted]
@@ -53,7 +54,7 @@ def test_samples_of_the_model_itself_differ_by_chance_only(model):
 
 
 def test_a_wrong_model_is_far_off():
-    ks = goodness.kolmogorov_smirnov(sketch_of(*draw(MODEL)), WRONG, 1000, 1)
+    ks = goodness.kolmogorov_smirnov(sketch_of(*draw(MODEL)), WRONG, Counting(1000, 1))
     assert ks.median > 0.2
     assert ks.maximum > 0.4
     filled = ks.counts > 0
@@ -66,7 +67,7 @@ def test_a_level_agrees_with_scipy():
     rng = np.random.default_rng(1)
     x = rng.uniform(np.log(1e-2), np.log(1e5), 100_000)
     z = model.sample(x, rng)
-    ks = goodness.kolmogorov_smirnov(sketch_of(x, z), other, 1, 1)
+    ks = goodness.kolmogorov_smirnov(sketch_of(x, z), other, Counting(1, 1))
     level = np.floor((x / np.log(10) + 2) * 8).astype(int)
     for i in (0, 17, 55):
         chosen = z[level == i]
@@ -84,7 +85,9 @@ def test_a_level_agrees_with_scipy():
 def test_only_the_signed_statistic_sees_a_bias_of_sign():
     x, z = draw(MODEL)
     biased = np.where(np.random.default_rng(3).random(len(z)) < 0.8, -np.abs(z), np.abs(z))
-    even, uneven = (goodness.kolmogorov_smirnov(sketch_of(x, e), MODEL, 1000, 1) for e in (z, biased))
+    even, uneven = (
+        goodness.kolmogorov_smirnov(sketch_of(x, e), MODEL, Counting(1000, 1)) for e in (z, biased)
+    )
     np.testing.assert_allclose(uneven.statistic, even.statistic)
     assert even.signed_median < 0.03
     assert uneven.signed_median == pytest.approx(0.3, abs=0.02)
@@ -94,15 +97,15 @@ def test_errors_beyond_the_outermost_bin_are_no_misfit():
     broad = FlowLikelihood(LaplaceCauchy(), Schedule.constant(np.array([0.5, 200.0, 0.01])))
     x, z = draw(broad)
     assert np.mean(np.abs(z) > 1024) > 0.1
-    ks = goodness.kolmogorov_smirnov(sketch_of(x, z), broad, 1000, 1)
+    ks = goodness.kolmogorov_smirnov(sketch_of(x, z), broad, Counting(1000, 1))
     scaled = np.maximum(ks.statistic, ks.signed)[ks.counted] * np.sqrt(ks.counts[ks.counted])
     assert scaled.max() < 2.2
 
 
 def test_the_sign_of_the_flow_decides_what_falls_short():
     x, z = draw(MODEL, 50_000)
-    flipped = goodness.kolmogorov_smirnov(sketch_of(x, -np.abs(z), sign=-1.0), MODEL, 100, 1)
-    straight = goodness.kolmogorov_smirnov(sketch_of(x, np.abs(z)), MODEL, 100, 1)
+    flipped = goodness.kolmogorov_smirnov(sketch_of(x, -np.abs(z), sign=-1.0), MODEL, Counting(100, 1))
+    straight = goodness.kolmogorov_smirnov(sketch_of(x, np.abs(z)), MODEL, Counting(100, 1))
     np.testing.assert_array_equal(flipped.signed, straight.signed)
 
 
@@ -113,7 +116,7 @@ def test_levels_with_too_little_are_shown_but_not_counted():
         x = rng.uniform(0, 2, 5000) if parts else rng.uniform(0, 9, 20_000)
         parts.append(sketch_of(x, MODEL.sample(x, rng)))
     sketch = parts[0].merge(parts[1]).merge(parts[2])
-    few = goodness.kolmogorov_smirnov(sketch, MODEL, least_components=500, least_frames=3)
+    few = goodness.kolmogorov_smirnov(sketch, MODEL, Counting(500, 3))
     assert 0 < few.counted.sum() < (few.counts > 0).sum()
     assert (few.texture[few.counted] < np.exp(2.3)).all()
     assert few.counted_share == few.counts[few.counted].sum() / sketch.total
@@ -146,7 +149,7 @@ def test_an_interval_over_blocks_covers_the_truth_and_narrows():
 def test_the_floor_is_the_two_sample_statistic():
     (x, z), (y, w) = draw(MODEL, 60_000), draw(MODEL, 60_000, 1)
     w = 1.2 * w + 0.05
-    floor = goodness.held_out_floor(sketch_of(x, z), sketch_of(y, w), 500, 1)
+    floor = goodness.held_out_floor(sketch_of(x, z), sketch_of(y, w), Counting(500, 1))
     level, other = (np.floor((a / np.log(10) + 2) * 8).astype(int) for a in (x, y))
     for i in (5, 20, 50):
         a, b = z[level == i], w[other == i]
@@ -154,7 +157,7 @@ def test_the_floor_is_the_two_sample_statistic():
         assert floor.signed[i] == pytest.approx(stats.ks_2samp(a, b).statistic, abs=0.01)
         assert floor.counts[i] == min(len(a), len(b))
     assert floor.median == np.median(floor.statistic[floor.counted])
-    same = goodness.held_out_floor(sketch_of(x, z), sketch_of(x, z), 500, 1)
+    same = goodness.held_out_floor(sketch_of(x, z), sketch_of(x, z), Counting(500, 1))
     assert same.maximum == 0
 
 

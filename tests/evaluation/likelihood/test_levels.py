@@ -3,6 +3,7 @@ import pytest
 
 from flowlik.calibration import ErrorSketch
 from flowlik.calibration.sketch import level_edges
+from flowlik.evaluation.likelihood.goodness import Counting
 from flowlik.evaluation.likelihood.levels import levels, levels_arrays
 from flowlik.likelihood.schedule import Index
 from tests.evaluation.population import MODEL, OVER_INDEX, draw, sketch_of
@@ -20,7 +21,7 @@ def test_levels_are_those_of_raw_samples(model, tolerance):
     values = {name: np.concatenate([v[name] for v, _ in drawn]) for name in drawn[0][0]}
     z = np.concatenate([z for _, z in drawn])
     x = model.schedule.index.combine(values)
-    found = levels(blocks, model, 500, 2)
+    found = levels(blocks, model, Counting(500, 2))
     level = np.digitize(values["texture"], level_edges()) - 1
     for i in np.unique(level):
         own = level == i
@@ -41,7 +42,7 @@ def test_reservoirs_stand_for_all_components_of_their_blocks():
     few_values, few_z = draw(OVER_INDEX, 4000, 1)
     few = sketch_of(few_values, np.full(len(few_z), 1e3), INDEX)
     assert len(many.rows) == 20_000
-    found = levels([many, few], OVER_INDEX, 100, 1)
+    found = levels([many, few], OVER_INDEX, Counting(100, 1))
     # a share of 1/11 lies far outside
     counted = found.counted
     assert np.average(found.coverage[counted], weights=found.counts[counted]) == pytest.approx(

@@ -2,7 +2,7 @@ import pytest
 
 from flowlik.errors import CalibrationError
 from flowlik.evaluation.likelihood import table
-from flowlik.evaluation.likelihood.goodness import held_out_floor
+from flowlik.evaluation.likelihood.goodness import Counting, held_out_floor
 from flowlik.report._figures import check
 from tests.evaluation.population import INDEX, MODEL, OVER_INDEX, draw, sketch_of
 
@@ -16,7 +16,7 @@ def kinds():
 
 
 def test_every_model_has_every_record(kinds):
-    records = table.every_record(MODELS, {"synthetic": kinds}, "drawn", 3, 500, 2, split="test")
+    records = table.every_record(MODELS, {"synthetic": kinds}, "drawn", 3, Counting(500, 2), split="test")
     found = {(r.schedule, r.metric): r for r in records}
     metrics = {metric for _, metric in found}
     assert len(found) == len(records) == 2 * len(metrics)
@@ -43,13 +43,13 @@ def test_without_counted_levels_the_record_says_so(kinds):
 
 def test_figures_are_what_the_report_draws(kinds):
     models = {"lcm · index": OVER_INDEX, "lcm · texture": MODEL}
-    floor = held_out_floor(kinds[0][0], kinds[0][1], 100, 1)
-    figures = table.figures(kinds, models, 500, 2, floor)
+    floor = held_out_floor(kinds[0][0], kinds[0][1], Counting(100, 1))
+    figures = table.figures(kinds, models, Counting(500, 2), floor)
     for kind, arrays in figures.items():
         check(kind, arrays)
     assert {"pit", "sparsification", "levels", "bias", "eigenbasis"} <= set(figures)
     assert len(figures["goodness"]["floor"]) == len(figures["goodness"]["texture"])
-    median, largest = table.floor_records(floor, "drawn", "synthetic", 0, 100, 1)
+    median, largest = table.floor_records(floor, "drawn", "synthetic", 0, Counting(100, 1))
     assert (median.value, largest.value) == (floor.median, floor.maximum)
 
 

@@ -21,6 +21,7 @@ from flowlik.calibration.sketch import (
 )
 from flowlik.evaluation.likelihood.goodness import (
     CONFIDENCES,
+    Counting,
     KolmogorovSmirnov,
     block_interval,
     coverage,
@@ -48,8 +49,7 @@ def goodness_records(
     likelihood: FlowLikelihood,
     dataset: str,
     seed: int | None,
-    least_components: int = 100_000,
-    least_frames: int = 30,
+    counting: Counting = Counting(),
     **keys: object,
 ) -> list[Record]:
     """Figures of a likelihood on sketched errors: NLL, K-S, coverage, share outside the calibrated range.
@@ -64,25 +64,25 @@ def goodness_records(
         Name of the data.
     seed : int or None
         Seed of the data and of the bootstrap.
-    least_components, least_frames : int
+    counting : Counting
         What a texture level needs to be counted in the K-S median.
     **keys
         Further keys of the protocol.
     """
     sketch = merge_all(blocks)
-    ks = kolmogorov_smirnov(sketch, likelihood, least_components, least_frames)
+    ks = kolmogorov_smirnov(sketch, likelihood, counting)
     rng = np.random.default_rng(seed)
     filled = [block for block in blocks if block.total]
     nll_low, nll_high = nll_interval(filled, likelihood, rng)
     ks_interval = "none"
     if ks.counted.any():
         ks_low, ks_high = block_interval(
-            filled, lambda s: kolmogorov_smirnov(s, likelihood, least_components, least_frames).median, rng
+            filled, lambda s: kolmogorov_smirnov(s, likelihood, counting).median, rng
         )
         ks_interval = f"{ks_low:.4f} … {ks_high:.4f}"
     record = Recorder(likelihood, dataset, seed, sketch.total)
     note = protocol(**keys, **what_was_kept(sketch))
-    counted = note + "; " + protocol(**what_was_counted(ks, least_components, least_frames))
+    counted = note + "; " + protocol(**what_was_counted(ks, counting))
     interval = "interval_95"
     return [
         record(
@@ -129,10 +129,10 @@ def what_was_kept(sketch: ErrorSketch) -> dict[str, object]:
     return {"frames": sketch.pairs, "excluded": excluded or "none"}
 
 
-def what_was_counted(ks: KolmogorovSmirnov, least_components: int, least_frames: int) -> dict[str, object]:
+def what_was_counted(ks: KolmogorovSmirnov, counting: Counting) -> dict[str, object]:
     """Keys of the protocol: what a texture level needed to be counted, and how many did."""
     return {
-        "levels": f"≥{least_components} components from ≥{least_frames} frames",
+        "levels": str(counting),
         "counted": f"{int(ks.counted.sum())} of {int((ks.counts > 0).sum())}",
         "counted_share": f"{ks.counted_share:.3f}",
     }
@@ -213,8 +213,7 @@ def distributions(sketch: ErrorSketch, likelihood: FlowLikelihood) -> dict[str, 
 
 def goodness(
     models: Mapping[str, Sketched],
-    least_components: int,
-    least_frames: int,
+    counting: Counting = Counting(),
     floor: KolmogorovSmirnov | None = None,
 ) -> dict[str, Any]:
     """Arrays of the paper's Fig. 6: K-S of every model over texture.
@@ -223,12 +222,12 @@ def goodness(
     ----------
     models : mapping of str to (ErrorSketch, FlowLikelihood)
         Models, and one population of errors over each model's own index.
-    least_components, least_frames : int
+    counting : Counting
         What a level needs to be counted.
     floor : KolmogorovSmirnov, optional
         Of `held_out_floor`, drawn beneath.
     """
-    results = [kolmogorov_smirnov(*pair, least_components, least_frames) for pair in models.values()]
+    results = [kolmogorov_smirnov(*pair, counting) for pair in models.values()]
     first = results[0]
     shown = first.counts > 0
     arrays = {

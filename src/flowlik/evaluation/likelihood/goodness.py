@@ -18,6 +18,22 @@ CONFIDENCES = (0.5, 0.68, 0.9, 0.95, 0.99)
 
 
 @dataclass(frozen=True)
+class Counting:
+    """What a texture level needs to be counted: so many components, from so many image pairs."""
+
+    least_components: int = 100_000
+    least_frames: int = 30
+
+    def counted(self, components: NDArray[np.int64], frames: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Whether levels of so many components (L,), from so many image pairs (L,), are counted."""
+        return (components >= self.least_components) & (frames >= self.least_frames)
+
+    def __str__(self) -> str:
+        """How a protocol says it."""
+        return f"≥{self.least_components} components from ≥{self.least_frames} frames"
+
+
+@dataclass(frozen=True)
 class KolmogorovSmirnov:
     """K-S statistic of abs(z) at texture levels, 8 a decade.
 
@@ -90,7 +106,7 @@ def nll_by_bin(sketch: ErrorSketch, likelihood: FlowLikelihood) -> Array:
 
 
 def kolmogorov_smirnov(
-    sketch: ErrorSketch, likelihood: FlowLikelihood, least_components: int = 100_000, least_frames: int = 30
+    sketch: ErrorSketch, likelihood: FlowLikelihood, counting: Counting = Counting()
 ) -> KolmogorovSmirnov:
     """K-S statistic at texture levels: ``max |F_n(|z|) - mean_i F(|z|; theta(x_i))|``.
 
@@ -100,7 +116,7 @@ def kolmogorov_smirnov(
         Errors.
     likelihood : FlowLikelihood
         Model.
-    least_components, least_frames : int
+    counting : Counting
         What a level needs to be counted.
     """
     counts = sketch.by_level.sum(axis=1)
@@ -120,7 +136,7 @@ def kolmogorov_smirnov(
         np.abs(below - predicted).max(axis=1),
         np.maximum(np.abs(at_minus).max(axis=1), np.abs(at_plus).max(axis=1)),
         counts,
-        (counts >= least_components) & (sketch.frames >= least_frames),
+        counting.counted(counts, sketch.frames),
     )
 
 
@@ -136,7 +152,7 @@ def level_bound(sketch: ErrorSketch, likelihood: FlowLikelihood, confidence: flo
 
 
 def held_out_floor(
-    first: ErrorSketch, second: ErrorSketch, least_components: int = 100_000, least_frames: int = 30
+    first: ErrorSketch, second: ErrorSketch, counting: Counting = Counting()
 ) -> KolmogorovSmirnov:
     """K-S distance between two populations' empirical distributions at the same texture levels.
 
@@ -157,7 +173,7 @@ def held_out_floor(
         np.abs(magnitudes).max(axis=1),
         np.abs(signed).max(axis=1),
         least,
-        (least >= least_components) & (frames >= least_frames),
+        counting.counted(least, frames),
     )
 
 

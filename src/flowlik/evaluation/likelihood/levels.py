@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.calibration.sketch import LEVELS, ErrorSketch, level_centres, level_edges, merge_all
-from flowlik.evaluation.likelihood.goodness import inside_by_bin, nll_by_bin
+from flowlik.evaluation.likelihood.goodness import Counting, inside_by_bin, nll_by_bin
 from flowlik.evaluation.likelihood.reservoir import Reservoir
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.schedule import Index
@@ -59,8 +59,7 @@ class Levels:
 def levels(
     blocks: Seq[ErrorSketch],
     likelihood: FlowLikelihood,
-    least_components: int = 100_000,
-    least_frames: int = 30,
+    counting: Counting = Counting(),
     confidence: float = 0.9,
 ) -> Levels:
     """Coverage and log score by texture level.
@@ -70,7 +69,7 @@ def levels(
     """
     sketch = merge_all(blocks)
     counts = sketch.by_level.sum(axis=1)
-    counted = (counts >= least_components) & (sketch.frames >= least_frames)
+    counted = counting.counted(counts, sketch.frames)
     if sketch.index == Index():
         by_bin = np.stack([inside_by_bin(sketch, likelihood, confidence), nll_by_bin(sketch, likelihood)])
         sums, weights, rows = by_bin.reshape(2, LEVELS, -1).sum(axis=2), counts.astype(np.float64), None

@@ -16,7 +16,7 @@ from flowlik.evaluation.likelihood.eigenbasis import (
     eigenbasis_records,
     tells_eigenbasis,
 )
-from flowlik.evaluation.likelihood.goodness import KolmogorovSmirnov
+from flowlik.evaluation.likelihood.goodness import Counting, KolmogorovSmirnov
 from flowlik.evaluation.likelihood.levels import levels, levels_arrays
 from flowlik.evaluation.likelihood.pit import pit, pit_arrays
 from flowlik.evaluation.likelihood.sparsification import (
@@ -52,8 +52,7 @@ def model_records(
     likelihood: FlowLikelihood,
     dataset: str,
     seed: int | None,
-    least_components: int = 100_000,
-    least_frames: int = 30,
+    counting: Counting = Counting(),
     **keys: object,
 ) -> list[Record]:
     """All records of a model: `evidence.goodness_records`, PIT, sparsification, coverage at the worst level.
@@ -68,7 +67,7 @@ def model_records(
         Name of the data.
     seed : int or None
         Seed of the data and of the bootstrap.
-    least_components, least_frames : int
+    counting : Counting
         What a texture level needs to be counted.
     **keys
         Further keys of the protocol.
@@ -77,19 +76,19 @@ def model_records(
     record = evidence.Recorder(likelihood, dataset, seed, sketch.total)
     note = protocol(**keys, **evidence.what_was_kept(sketch))
 
-    by_level = levels(blocks, likelihood, least_components, least_frames)
+    by_level = levels(blocks, likelihood, counting)
     worst = by_level.worst
     found = (
         {"texture": f"{by_level.texture[worst]:.3g}"} if worst is not None else {"reason": "no level counted"}
     )
     level_note = protocol(
-        **keys, levels=f"≥{least_components} components from ≥{least_frames} frames",
+        **keys, levels=counting,
         counted=int(by_level.counted.sum()), rows=by_level.rows, **found,
     )  # fmt: skip
     transform, ranked = pit(sketch, likelihood), sparsification(sketch, likelihood)
     capped = note + "; " + protocol(removed_by="90 % bound", cap_px=CAP_PX)
     return [
-        *evidence.goodness_records(blocks, likelihood, dataset, seed, least_components, least_frames, **keys),
+        *evidence.goodness_records(blocks, likelihood, dataset, seed, counting, **keys),
         record(
             "coverage_90_worst_level", None if worst is None else by_level.coverage[worst], "", level_note
         ),
@@ -111,8 +110,7 @@ def every_record(
     kinds: Mapping[str, Kinds],
     dataset: str,
     seed: int | None,
-    least_components: int = 100_000,
-    least_frames: int = 30,
+    counting: Counting = Counting(),
     **keys: object,
 ) -> list[Record]:
     """Records of every model on the errors of its flow: the one table of family x schedule x flow.
@@ -123,7 +121,7 @@ def every_record(
         Models.
     kinds : mapping of str to sequence of sequence of ErrorSketch
         Each flow's errors, once over each index that its models have.
-    dataset, seed, least_components, least_frames, **keys
+    dataset, seed, counting, **keys
         As in `model_records`.
 
     Raises
@@ -134,9 +132,7 @@ def every_record(
     return [
         record
         for (flow, _, _), model in models.items()
-        for record in model_records(
-            blocks_over(kinds[flow], model), model, dataset, seed, least_components, least_frames, **keys
-        )
+        for record in model_records(blocks_over(kinds[flow], model), model, dataset, seed, counting, **keys)
     ]
 
 
@@ -145,12 +141,11 @@ def floor_records(
     dataset: str,
     flow: str | None,
     seed: int | None,
-    least_components: int = 100_000,
-    least_frames: int = 30,
+    counting: Counting = Counting(),
     **keys: object,
 ) -> list[Record]:
     """Median and largest K-S between two populations, of `held_out_floor`, beside which a model's stands."""
-    note = protocol(**keys, **evidence.what_was_counted(floor, least_components, least_frames))
+    note = protocol(**keys, **evidence.what_was_counted(floor, counting))
     return [
         Record(metric, value, "", dataset, flow, count=int(floor.counts.sum()), seed=seed, protocol=note)
         for metric, value in (("ks_floor_median", floor.median), ("ks_floor_max", floor.maximum))
@@ -160,8 +155,7 @@ def floor_records(
 def figures(
     kinds: Kinds,
     models: Mapping[str, FlowLikelihood],
-    least_components: int = 100_000,
-    least_frames: int = 30,
+    counting: Counting = Counting(),
     floor: KolmogorovSmirnov | None = None,
 ) -> dict[str, dict[str, Any]]:
     """Arrays of all figures of some models on one population, by kind; the first is drawn in detail.
@@ -172,7 +166,7 @@ def figures(
         The population over each index that the models have.
     models : mapping of str to FlowLikelihood
         By the name that figures show.
-    least_components, least_frames : int
+    counting : Counting
         What a texture level needs to be counted.
     floor : KolmogorovSmirnov, optional
         Of `held_out_floor`.
@@ -186,13 +180,11 @@ def figures(
     merged = {id(kind): merge_all(kind) for kind in blocks.values()}
     pairs = {name: (merged[id(blocks[name])], model) for name, model in models.items()}
     main, sketch = next(iter(blocks)), next(iter(pairs.values()))[0]
-    by_level = {
-        name: levels(blocks[name], model, least_components, least_frames) for name, model in models.items()
-    }
+    by_level = {name: levels(blocks[name], model, counting) for name, model in models.items()}
     drawn = {
         "error-over-texture": evidence.error_over_texture(sketch, models[main]),
         "distributions": evidence.distributions(sketch, models[main]),
-        "goodness": evidence.goodness(pairs, least_components, least_frames, floor),
+        "goodness": evidence.goodness(pairs, counting, floor),
         "coverage": evidence.reliability(pairs),
         "levels": levels_arrays(by_level),
         "pit": pit_arrays(pairs),
