@@ -41,6 +41,7 @@ def test_what_is_completed_is_what_is_known():
     from flowlik.calibration.schedules import SCHEDULES
     from flowlik.commands.odometry import ESTIMATORS
     from flowlik.datasets import FORMATS
+    from flowlik.datasets.flow_png import PNG_CODINGS
     from flowlik.flow import METHODS, flow_method
     from flowlik.likelihood.families import FAMILIES
     from flowlik.likelihood.shipped import shipped
@@ -50,7 +51,7 @@ def test_what_is_completed_is_what_is_known():
     known = {
         "EXECUTORS": EXECUTORS, "SCHEDULES": SCHEDULES, "ESTIMATORS": ESTIMATORS, "FORMATS": FORMATS,
         "FAMILIES": FAMILIES, "SCALES": SCALES, "WORLDS": WORLDS,
-        "TRAJECTORIES": TRAJECTORIES,
+        "TRAJECTORIES": TRAJECTORIES, "FLOW_PNGS": PNG_CODINGS,
     }  # fmt: skip
     for name, values in known.items():
         assert set(getattr(complete, name)) == set(values), name

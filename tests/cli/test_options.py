@@ -18,18 +18,20 @@ OPTIONS = {"odometry": OdometryOptions, "calibrate": CalibrateOptions, "evaluate
 EXECUTION = {"executor": "dask", "workers": 3, "scheduler": "tcp://a:1", "keep_sketches": True}
 OTHER = {
     "odometry": {
-        "model": "lucas-kanade", "method": "lucas-kanade", "estimator": "mle", "residual": "epipolar",
+        "model": "lucas-kanade", "method": "lucas-kanade", "flow_png": "dsec",
+        "estimator": "mle", "residual": "epipolar",
         "scale": "truth-norm", "height_m": 1.5, "self_calibrate": True, "boresight": "causal", "gate": 0.5,
         "frames": 4, "start": 1, "skip_bad_frames": True, "format": "tartanair", "camera": "50,48,32",
         "frames_per_second": 20.0, "topic": "/camera/image_raw", "bag": True, "view": True, "record": True,
         "seed": 7,
     },
     "calibrate": {
-        "family": "lcm", "schedule": "texture", "format": "tartanair", "camera": "50,48,32", "seed": 7,
-        **EXECUTION,
+        "family": "lcm", "schedule": "texture", "flow_png": "dsec", "format": "tartanair",
+        "camera": "50,48,32", "seed": 7, **EXECUTION,
     },
     "evaluate": {
-        "method": "lucas-kanade", "format": "tartanair", "camera": "50,48,32", "seed": 7, **EXECUTION,
+        "method": "lucas-kanade", "flow_png": "dsec", "format": "tartanair",
+        "camera": "50,48,32", "seed": 7, **EXECUTION,
     },
 }  # fmt: skip
 """A value of every option that is not its default. Who adds an option adds it here."""

@@ -12,6 +12,7 @@ from flowlik.cli.options import (
     METHOD_HELP,
     Camera,
     Executor,
+    FlowPng,
     Format,
     Json,
     KeepSketches,
@@ -43,6 +44,7 @@ def run(
             autocompletion=complete.one_of(complete.SCHEDULES),
         ),
     ] = CalibrateOptions.schedule,
+    flow_png: FlowPng = None,
     format: Format = None,
     camera: Camera = None,
     seed: Seed = 0,
@@ -62,6 +64,7 @@ def run(
     options = CalibrateOptions(
         family=family,
         schedule=schedule,
+        flow_png=flow_png,
         format=format,
         camera=camera,
         seed=seed,

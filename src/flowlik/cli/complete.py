@@ -17,6 +17,7 @@ FORMATS = (
     "euroc", "flying-chairs", "image-folder", "kitti", "kitti-flow", "kitti-raw", "middlebury-flow",
     "middlebury-stereo", "ros", "seven-scenes", "sintel", "tartanair", "tum-rgbd", "video",
 )  # fmt: skip
+FLOW_PNGS = ("dsec", "kitti", "tartanair", "virtual-kitti")
 BORESIGHTS = ("causal", "none")
 
 

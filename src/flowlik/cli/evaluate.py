@@ -10,6 +10,7 @@ import typer
 from flowlik.cli.options import (
     Camera,
     Executor,
+    FlowPng,
     Format,
     Json,
     KeepSketches,
@@ -31,6 +32,7 @@ def run(
     format: Format = None,
     camera: Camera = None,
     method: Method = None,
+    flow_png: FlowPng = None,
     seed: Seed = 0,
     executor: Executor = EvaluateOptions.executor,
     workers: Workers = None,
@@ -47,6 +49,7 @@ def run(
 
     options = EvaluateOptions(
         method=method,
+        flow_png=flow_png,
         format=format,
         camera=camera,
         seed=seed,

@@ -8,7 +8,17 @@ from typing import Annotated
 import typer
 
 from flowlik.cli import complete
-from flowlik.cli.options import Camera, Json, Method, Out, Recording, View, command_line, show_run
+from flowlik.cli.options import (
+    Camera,
+    FlowPng,
+    Json,
+    Method,
+    Out,
+    Recording,
+    View,
+    command_line,
+    show_run,
+)
 from flowlik.commands.options import FlowOptions
 
 
@@ -25,8 +35,11 @@ def run(
         ),
     ],
     out: Out,
-    truth: Annotated[Path | None, typer.Option(help="True flow: .flo, KITTI .png or .npy.")] = None,
+    truth: Annotated[
+        Path | None, typer.Option(help="True flow: .flo, .png (16 bit), .npy, .npz or .pfm.")
+    ] = None,
     method: Method = None,
+    flow_png: FlowPng = None,
     confidence: Annotated[float, typer.Option(help="Confidence of the intervals.")] = FlowOptions.confidence,
     camera: Camera = None,
     view: View = False,
@@ -44,6 +57,12 @@ def run(
     from flowlik.commands.flow import flow
 
     options = FlowOptions(
-        truth=truth, method=method, confidence=confidence, camera=camera, view=view, record=record
+        truth=truth,
+        method=method,
+        flow_png=flow_png,
+        confidence=confidence,
+        camera=camera,
+        view=view,
+        record=record,
     )
     show_run(flow(previous, current, model, out, options, command=command_line()), json)

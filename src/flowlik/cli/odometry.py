@@ -10,6 +10,7 @@ import typer
 from flowlik.cli import complete
 from flowlik.cli.options import (
     Camera,
+    FlowPng,
     Format,
     FrameRate,
     Json,
@@ -31,6 +32,7 @@ def run(
     out: Out,
     model: ModelUnlessRansac = None,
     method: Method = None,
+    flow_png: FlowPng = None,
     estimator: Annotated[
         str,
         typer.Option(help="lcmsac, mle or ransac.", autocompletion=complete.one_of(complete.ESTIMATORS)),
@@ -92,6 +94,7 @@ def run(
     options = OdometryOptions(
         model=model,
         method=method,
+        flow_png=flow_png,
         estimator=estimator,
         residual=residual,
         scale=scale,

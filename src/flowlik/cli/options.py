@@ -47,6 +47,14 @@ Method = Annotated[
     str | None,
     typer.Option("--method", help=METHOD_HELP, autocompletion=complete.one_of(complete.METHODS)),
 ]
+FlowPng = Annotated[
+    str | None,
+    typer.Option(
+        "--flow-png",
+        help="What flow PNGs hold, where they do not tell: kitti, dsec, tartanair or virtual-kitti.",
+        autocompletion=complete.one_of(complete.FLOW_PNGS),
+    ),
+]
 Format = Annotated[
     str | None,
     typer.Option(

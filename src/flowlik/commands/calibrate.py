@@ -32,7 +32,7 @@ from flowlik.datasets import open_sequence
 from flowlik.evaluation.likelihood import evidence, table
 from flowlik.evaluation.likelihood.bias import bias_records
 from flowlik.evaluation.likelihood.goodness import Counting, outside_range
-from flowlik.flow import describe, flow_method, method_label
+from flowlik.flow import coded, describe, flow_method, method_label
 from flowlik.flow.base import FlowMethod
 from flowlik.likelihood.families import FAMILIES, error_family
 from flowlik.likelihood.likelihood import FlowLikelihood
@@ -83,7 +83,7 @@ def calibrate(
     CalibrationError
         If family or schedule are unknown, or there is too little data.
     """
-    flow = flow_method(method)
+    flow = coded(flow_method(method), options.flow_png)
     label = method_label(describe(flow))
     family, schedule, seed = options.family, options.schedule, options.seed
     error_family(family)

@@ -13,7 +13,7 @@ from flowlik.datasets import open_sequence
 from flowlik.errors import DataError
 from flowlik.evaluation.likelihood.eigenbasis import kept_for_eigenbasis
 from flowlik.evaluation.likelihood.goodness import Counting
-from flowlik.flow import confirmed_method, method_label
+from flowlik.flow import coded, confirmed_method, method_label
 from flowlik.likelihood.model_file import load_likelihood
 from flowlik.report import finish
 from flowlik.results.runs import RunFolder
@@ -54,7 +54,7 @@ def evaluate(
         If a sequence cannot be read, lacks its truth, or has no errors to evaluate.
     """
     likelihood = load_likelihood(model)
-    flow = confirmed_method(likelihood.method or {}, options.method)
+    flow = coded(confirmed_method(likelihood.method or {}, options.method), options.flow_png)
     index = likelihood.schedule.index
     config = {"model": str(model), "data": [str(folder) for folder in data], **options.asdict()}
     run = RunFolder(out, command, config, options.seed)

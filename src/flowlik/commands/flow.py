@@ -17,7 +17,7 @@ from flowlik.datasets.lens import Lens
 from flowlik.datasets.uncertainty_file import write_uncertainty
 from flowlik.errors import DataError
 from flowlik.evaluation.likelihood.evidence import outside_warning
-from flowlik.flow import confirmed_method, describe, method_label
+from flowlik.flow import coded, confirmed_method, describe, method_label
 from flowlik.flow.base import Image
 from flowlik.image.sampling import sample_flow
 from flowlik.likelihood.likelihood import FlowLikelihood
@@ -66,14 +66,14 @@ def flow(
         If the model is for another method than the one given.
     """
     likelihood = load_likelihood(model)
-    chosen = confirmed_method(likelihood.method or {}, options.method)
+    chosen = coded(confirmed_method(likelihood.method or {}, options.method), options.flow_png)
     lens = None if options.camera is None else read_if_file(options.camera)
     image, following = (_undistorted(read_grey(path), lens) for path in (previous, current))
     signals = likelihood.signals
     m = measure(image, following, chosen, likelihood.texture, signals=signals)
     if not len(m):
         raise DataError(f"{previous}: no flow vector could be measured (no texture?)")
-    true_flow = None if options.truth is None else _read_truth(options.truth, image.shape)
+    true_flow = None if options.truth is None else _read_truth(options.truth, options.flow_png, image.shape)
     config = {"images": [str(previous), str(current)], "model": str(model), **options.asdict()}
     run = RunFolder(out, command, {**config, "flow": describe(chosen)})
 
@@ -120,8 +120,8 @@ def _undistorted(image: Image, lens: CameraLike | None) -> Image:
     return lens.undistort(image) if isinstance(lens, Lens) else image
 
 
-def _read_truth(path: Path, shape: tuple[int, ...]) -> Array:
-    truth = read_flow(path)
+def _read_truth(path: Path, png: str | None, shape: tuple[int, ...]) -> Array:
+    truth = read_flow(path, png)
     if truth.shape[:2] != shape:
         sizes = f"{truth.shape[1]}x{truth.shape[0]}, the images {shape[1]}x{shape[0]}"
         raise DataError(f"{path}: true flow of {sizes}")

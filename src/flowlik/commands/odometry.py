@@ -20,7 +20,7 @@ from flowlik.egomotion import EgoMotion, Estimator, lcmsac, mle, ransac
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.evaluation.motion.data_check import agreement
 from flowlik.evaluation.motion.motion_records import true_trajectory
-from flowlik.flow import confirmed_method, describe, flow_method
+from flowlik.flow import coded, confirmed_method, describe, flow_method
 from flowlik.flow.base import FlowMethod
 from flowlik.geometry.trajectory import Trajectory, write_kitti, write_tum
 from flowlik.likelihood.model_file import load_likelihood
@@ -159,9 +159,10 @@ def choose(options: OdometryOptions) -> tuple[FlowMethod, Estimator]:
                 f"--estimator {estimator} needs --model: a shipped model's name (`flowlik models`) or a file "
                 "that `flowlik calibrate` makes"
             )
-        return flow_method(options.method or "lucas-kanade"), ransac(gate=gate)
+        method = flow_method(options.method or "lucas-kanade")
+        return coded(method, options.flow_png), ransac(gate=gate)
     likelihood = load_likelihood(options.model)
-    flow = confirmed_method(likelihood.method or {}, options.method)
+    flow = coded(confirmed_method(likelihood.method or {}, options.method), options.flow_png)
     if estimator == "ransac":
         return flow, ransac(gate=gate)
     return flow, (lcmsac if estimator == "lcmsac" else mle)(likelihood, gate=gate)

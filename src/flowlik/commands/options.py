@@ -62,6 +62,9 @@ class CalibrateOptions(Execution):
         Family of the saved model; all are fitted, for comparison.
     schedule : str
         Schedule of the saved model, one of `flowlik.calibration.SCHEDULES`; the paper's is ``"texture"``.
+    flow_png : str, optional
+        Coding of flow in PNG files that do not tell it themselves: a name in
+        `flowlik.datasets.flow_png.PNG_CODINGS`.
     format : str, optional
         Data format; guessed by default.
     camera : str, optional
@@ -72,6 +75,7 @@ class CalibrateOptions(Execution):
 
     family: str = BEST_FAMILY
     schedule: str = BEST_SCHEDULE
+    flow_png: str | None = None
     format: str | None = None
     camera: str | None = None
     seed: int = 0
@@ -85,6 +89,9 @@ class EvaluateOptions(Execution):
     ----------
     method : str, optional
         May only confirm the model's flow method; must, where that is an object or flow on disk.
+    flow_png : str, optional
+        Coding of flow in PNG files that do not tell it themselves: a name in
+        `flowlik.datasets.flow_png.PNG_CODINGS`.
     format : str, optional
         Data format; guessed by default.
     camera : str, optional
@@ -94,6 +101,7 @@ class EvaluateOptions(Execution):
     """
 
     method: str | None = None
+    flow_png: str | None = None
     format: str | None = None
     camera: str | None = None
     seed: int = 0
@@ -110,6 +118,9 @@ class OdometryOptions(Options):
     method : str, optional
         Flow method for RANSAC without a model; beside a model it may only confirm it, and must
         where that is an object or flow on disk.
+    flow_png : str, optional
+        Coding of flow in PNG files that do not tell it themselves: a name in
+        `flowlik.datasets.flow_png.PNG_CODINGS`.
     estimator : {"lcmsac", "ransac", "mle"}
         Estimator.
     residual : {"depth", "epipolar"}, optional
@@ -149,6 +160,7 @@ class OdometryOptions(Options):
 
     model: Path | None = None
     method: str | None = None
+    flow_png: str | None = None
     estimator: str = "lcmsac"
     residual: str | None = None
     scale: str = "none"
@@ -176,9 +188,12 @@ class FlowOptions(Options):
     Attributes
     ----------
     truth : Path, optional
-        True flow (.flo, KITTI PNG or .npy), to report coverage.
+        True flow, a file that `flowlik.datasets.flow_files.read_flow` reads, to report coverage.
     method : str, optional
         May only confirm the model's method; must, where that is an object or flow on disk.
+    flow_png : str, optional
+        Coding of flow in PNG files that do not tell it themselves: a name in
+        `flowlik.datasets.flow_png.PNG_CODINGS`.
     confidence : float
         Of the intervals drawn.
     camera : str, optional
@@ -189,6 +204,7 @@ class FlowOptions(Options):
 
     truth: Path | None = None
     method: str | None = None
+    flow_png: str | None = None
     confidence: float = 0.9
     camera: str | None = None
     view: bool = False

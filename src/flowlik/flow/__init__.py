@@ -20,7 +20,7 @@ from flowlik.flow.dis import DIS
 from flowlik.flow.farneback import Farneback
 from flowlik.flow.horn_schunck import HornSchunck
 from flowlik.flow.lucas_kanade import LucasKanade, detect_corners
-from flowlik.flow.on_disk import FlowFiles
+from flowlik.flow.on_disk import FlowFiles, coded
 
 METHODS: dict[str, Callable[..., FlowMethod]] = {
     "dis": DIS,
@@ -163,6 +163,7 @@ __all__ = [
     "LucasKanade",
     "backward_method",
     "check_record",
+    "coded",
     "confirmed_method",
     "describe",
     "detect_corners",

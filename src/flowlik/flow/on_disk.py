@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.datasets.flow_files import SUFFIXES, read_flow
+from flowlik.datasets.flow_png import check_coding
 from flowlik.errors import DataError, ModelError
-from flowlik.flow.base import NOT_RECORDED, DenseFlow, FlowOfPairs, Image, as_dense, check_pair
+from flowlik.flow.base import NOT_RECORDED, DenseFlow, FlowMethod, FlowOfPairs, Image, as_dense, check_pair
 
 if TYPE_CHECKING:
     from flowlik.datasets.base import ImageSequence
@@ -119,6 +120,20 @@ class FlowFiles(DenseFlow, FlowOfPairs):
                 where = files[0].parent if files else path
                 raise DataError(f"{where}: {len(files)} flow files, but {of} need {pairs}, one for each pair")
         return replace(self, path=forward[k], back=back[k] if back else None)
+
+
+def coded(method: FlowMethod, png: str | None) -> FlowMethod:
+    """Return the method with the coding of its PNG files said; one that reads no files stays as it is.
+
+    Raises
+    ------
+    DataError
+        If the coding is unknown.
+    """
+    if png is None:
+        return method
+    check_coding(png)
+    return replace(method, png=png) if isinstance(method, FlowFiles) else method
 
 
 def _files(folder: Path) -> list[Path]:
