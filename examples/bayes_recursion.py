@@ -11,6 +11,17 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from flowlik import (
+    EgoMotion,
+    FlowLikelihood,
+    GaussianPrior,
+    KnownDepth,
+    LucasKanade,
+    Pinhole,
+    measure,
+    mle,
+    simulate,
+)
 from flowlik.calibration import (
     Task,
     fit_likelihood,
@@ -19,15 +30,10 @@ from flowlik.calibration import (
     split_blocks,
     with_shared_errors,
 )
-from flowlik.datasets.base import ImageSequence
-from flowlik.egomotion import EgoMotion, GaussianPrior, KnownDepth, mle
-from flowlik.flow import LucasKanade
-from flowlik.geometry.camera import Pinhole
-from flowlik.geometry.motion import relative_motion
-from flowlik.likelihood.families import LaplaceCauchy
-from flowlik.likelihood.likelihood import FlowLikelihood
-from flowlik.measurement.measurements import measure, stratified_pixels
-from flowlik.simulation import simulate
+from flowlik.datasets import ImageSequence
+from flowlik.geometry import relative_motion
+from flowlik.likelihood import LaplaceCauchy
+from flowlik.measurement import stratified_pixels
 
 CAMERA = Pinhole.from_fov(320, 240, 90.0)
 FRAMES_PER_SECOND = 60.0

@@ -1,12 +1,12 @@
 """Flow and GPS in one factor graph: motions with their covariances as GTSAM between-factors.
 
 Needs the extra ``fusion``: ``pip install 'flowlik[fusion]'``. The motions here are drawn, so that the example
-takes a moment; `flowlik.odometry.odometry.Odometry.step` gives such motions of images.
+takes a moment; `flowlik.Odometry.step` gives such motions of images.
 
 GTSAM's Pose3 puts rotation first, as flowlik does, and perturbs on the right. A between-factor of X_prev and
 X_k is the pose of camera k in camera k-1, the *inverse* of ``T_k_prev``. Since (exp(xi) T)⁻¹ = T⁻¹ exp(−xi),
 the covariance of the left perturbation of ``T_k_prev`` is that of the right one of its inverse, unchanged;
-that of ``T_k_prev`` itself would be turned by the adjoint (`flowlik.geometry.motion.right_covariance`).
+that of ``T_k_prev`` itself would be turned by the adjoint (`flowlik.geometry.right_covariance`).
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.egomotion import EgoMotion, Status
-from flowlik.geometry.motion import exp_se3
+from flowlik import EgoMotion, Status
+from flowlik.geometry import exp_se3
 
 GPS_SIGMA_M = 0.5
 

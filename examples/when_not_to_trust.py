@@ -12,8 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 import flowlik
-from flowlik.image.sampling import sample_flow
-from flowlik.image.texture import eigenbasis, structure_tensor
+from flowlik.image import eigenbasis, sample_flow, structure_tensor
 
 CONFIDENCE = 0.9
 SHAPE = (160, 200)

@@ -1,5 +1,6 @@
 """What documentation and README show is run, or at least understood, as it stands."""
 
+import pkgutil
 import re
 import shlex
 from pathlib import Path
@@ -13,6 +14,7 @@ from flowlik.cli.app import app
 from flowlik.datasets import open_sequence
 from flowlik.report._figures import FIGURES
 from tests.cli.call import succeed
+from tests.test_layout import ROOMS
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -76,6 +78,17 @@ def test_every_figure_is_explained():
     for kind in FIGURES.values():
         assert f"## {kind.title} " in page
         assert " ".join(kind.caption.replace("{confidence:.0%}", "90%").split()) in page
+
+
+def test_the_api_page_lists_names_that_are_there_and_all_of_the_top():
+    listed = re.findall(r"^::: (\S+)$", (ROOT / "docs/api.md").read_text(), re.MULTILINE)
+    assert all(pkgutil.resolve_name(name) is not None for name in listed)
+    assert {f"flowlik.{name}" for name in flowlik.__all__} <= set(listed)
+
+
+def test_every_room_is_described_in_its_place():
+    described = re.findall(r"^  \| `(\w+)` \|", (ROOT / "CONTRIBUTING.md").read_text(), re.MULTILINE)
+    assert described == [room for room in ROOMS.split() if room != "errors"]
 
 
 def test_every_page_is_in_the_contents():

@@ -8,11 +8,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flowlik.datasets import layouts
-from flowlik.datasets.base import ImageSequence
+from flowlik.datasets.base import ImageSequence, frame_pairs
+from flowlik.datasets.selection import select_frames
+from flowlik.datasets.uncertainty_file import read_uncertainty
 from flowlik.errors import DataError
 
 if TYPE_CHECKING:
     from flowlik.datasets.intrinsics import CameraLike
+
+
+__all__ = [
+    "FORMATS",
+    "ImageSequence",
+    "frame_pairs",
+    "guess_format",
+    "open_sequence",
+    "read_uncertainty",
+    "select_frames",
+]
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import Any
 
 from flowlik.errors import ModelError
 from flowlik.flow.base import (
+    DenseFlow,
     FlowMethod,
     FlowOfPairs,
     backward_method,
@@ -155,6 +156,7 @@ __all__ = [
     "PRESETS",
     "CallableFeatures",
     "CallableFlow",
+    "DenseFlow",
     "Farneback",
     "FlowFiles",
     "FlowMethod",
