@@ -5,11 +5,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.datasets import open_sequence
 from flowlik.datasets.base import frame_pairs
-from flowlik.datasets.poses import mutual, nearest
 from flowlik.datasets.seven_scenes import SevenScenes
 from flowlik.datasets.tum_rgbd import TumRgbd
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.geometry.camera import Pinhole
+from flowlik.geometry.times import mutual, nearest
 from flowlik.geometry.trajectory import Trajectory, write_tum
 
 from .fakes import HEIGHT, WIDTH, photometric_errors, picture, save

@@ -129,12 +129,12 @@ def test_bad_files_are_named_when_they_are_used(
 @pytest.mark.parametrize(
     ("poses", "message"),
     [
-        ("1 2 3 0 0 0\n" * 3, "7 columns .*, found 6"),
+        ("1 2 3 0 0 0\n" * 3, "6 columns, but expected 7 numbers"),
         ("1 2 3 0 0 0 1\n" * 2, "2 poses for the 3 images numbered 0 to 2, expected 3"),
         ("1 2 3 0 0 0 0\n" * 3, "unit quaternion"),
-        ("1 2 3 0 0 0 x\n" * 3, "not a table of numbers"),
-        ("1 2 3 0 0 0 1\n1 2\n1 2\n", "not a table of numbers"),
-        ("", "0 poses for the 3 images"),
+        ("1 2 3 0 0 0 x\n" * 3, "line 1: 'x' is not a finite number"),
+        ("1 2 3 0 0 0 1\n1 2\n1 2\n", "line 2: 2 columns"),
+        ("", "empty, but expected rows of 7 numbers"),
     ],
 )
 def test_bad_pose_files_are_refused(folder: Path, poses: str, message: str) -> None:

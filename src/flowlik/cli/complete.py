@@ -19,6 +19,7 @@ FORMATS = (
 )  # fmt: skip
 FLOW_PNGS = ("dsec", "kitti", "tartanair", "virtual-kitti")
 BORESIGHTS = ("causal", "none")
+ALIGNMENTS = ("none", "se3", "sim3")
 
 
 def one_of(names: tuple[str, ...]) -> Callable[[str], list[str]]:

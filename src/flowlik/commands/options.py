@@ -182,6 +182,29 @@ class OdometryOptions(Options):
 
 
 @dataclass(frozen=True, kw_only=True)
+class DriftOptions(Options):
+    """Options of `flowlik.commands.drift.drift`.
+
+    Attributes
+    ----------
+    align : {"none", "se3", "sim3"}
+        How the estimate is laid onto the truth: first pose shared, or by least squares, rigidly or with a
+        scale.
+    max_difference_s : float
+        Largest difference of times [s] of rows that match.
+    times : Path, optional
+        File with one time [s] a row, for files of poses without times.
+    skip_bad_frames : bool
+        Sort rows whose times or numbers go back, and leave double ones out.
+    """
+
+    align: str = "none"
+    max_difference_s: float = 0.01
+    times: Path | None = None
+    skip_bad_frames: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
 class FlowOptions(Options):
     """Options of `flowlik.commands.flow.flow`.
 

@@ -8,21 +8,20 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from flowlik.datasets.base import frame_index, lacks
-from flowlik.datasets.euroc_files import SensorFile, read_csv, read_sensor
+from flowlik.datasets.euroc_files import SensorFile, read_sensor
 from flowlik.datasets.frames import FrameFiles
-from flowlik.datasets.poses import nearest, rigid_transform
+from flowlik.datasets.poses import rigid_transform
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
-from flowlik.geometry.trajectory import ROTATION_TOLERANCE, check_times
-from flowlik.support.files import numbers, printable
+from flowlik.geometry.pose_table import nanoseconds, read_euroc_poses
+from flowlik.geometry.times import check_times, nearest
+from flowlik.support.files import printable, read_csv
 
 TOLERANCE_S = 0.003
 """Half the period of the poses (200 Hz), and a little more."""
-
-NS_PER_S = 10**9
 
 
 class Euroc(FrameFiles):
@@ -59,13 +58,14 @@ class Euroc(FrameFiles):
         truth = mav / "state_groundtruth_estimate0" / "data.csv"
         self._poses: RigidTransform | None = None
         if truth.is_file():
-            pose_times, T_n_b = _read_poses(truth)
-            pose_of = nearest(times, pose_times, TOLERANCE_S)
+            table = read_euroc_poses(truth)
+            assert table.times_s is not None
+            pose_of = nearest(times, table.times_s, TOLERANCE_S)
             kept = pose_of >= 0
             if not kept.any():
                 raise DataError(f"{truth}: no pose within {TOLERANCE_S} s of an image")
             T_b_c = rigid_transform(self._sensor.T_b_c, f"{mav / 'cam0' / 'sensor.yaml'}, T_BS")
-            self._poses = T_n_b[pose_of[kept]] * T_b_c
+            self._poses = table.poses[pose_of[kept]] * T_b_c
             times, files = times[kept], [files[i] for i in np.flatnonzero(kept)]
         self._times = times
         scene = folder.resolve().parent.name if mav is folder else folder.resolve().name
@@ -127,29 +127,8 @@ def _read_images(folder: Path) -> tuple[NDArray[np.float64], list[Path]]:
     path = folder / "data.csv"
     stamps, files = [], []
     for where, words in read_csv(path, 2, "a time [ns] and a file name"):
-        stamps.append(_seconds(words[0], where))
+        stamps.append(nanoseconds(words[0], where))
         files.append(folder / "data" / words[1])
     times = np.array(stamps)
     check_times(times, str(path))
     return times, files
-
-
-def _read_poses(path: Path) -> tuple[NDArray[np.float64], RigidTransform]:
-    """Times (N,) [s] and poses T_n_b of the robot's body."""
-    stamps, rows = [], []
-    for where, words in read_csv(path, 8, "a time [ns], a position x y z [m] and a quaternion w x y z"):
-        stamps.append(_seconds(words[0], where))
-        row = numbers(words[1:8], where)
-        if abs(np.linalg.norm(row[3:]) - 1) > ROTATION_TOLERANCE:
-            raise DataError(f"{where}: not a unit quaternion w x y z")
-        rows.append(row)
-    times, table = np.array(stamps), np.array(rows)
-    check_times(times, str(path))
-    rotations = Rotation.from_quat(table[:, 3:], scalar_first=True)
-    return times, RigidTransform.from_components(table[:, :3], rotations)
-
-
-def _seconds(word: str, where: str) -> float:
-    if not (word.isascii() and word.isdecimal() and len(word) < 20):
-        raise DataError(f"{where}: {word!r} is not a time [ns]")
-    return int(word) / NS_PER_S

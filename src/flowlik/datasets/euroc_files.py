@@ -1,9 +1,8 @@
-"""EuRoC's file formats: the few numbers of a sensor.yaml, and its csv tables."""
+"""EuRoC's sensor.yaml: the few numbers of a camera."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -66,27 +65,6 @@ def read_sensor(path: Path | str) -> SensorFile:
     return SensorFile(
         (int(width), int(height)), (fx, fy, cx, cy), (k1, k2, p1, p2), np.array(matrix).reshape(4, 4)
     )
-
-
-def read_csv(path: Path | str, columns: int, layout: str) -> Iterator[tuple[str, list[str]]]:
-    """Rows of a EuRoC table: where each stands, for messages, and its words; ``#`` lines are skipped.
-
-    Raises
-    ------
-    DataError
-        If the file is missing, has no rows, or a row has fewer columns.
-    """
-    empty = True
-    for number, line in enumerate(read_text(path).splitlines(), start=1):
-        if not line.strip() or line.startswith("#"):
-            continue
-        words = [word.strip() for word in line.split(",")]
-        if len(words) < columns:
-            raise DataError(f"{path}, line {number}: {len(words)} columns, but expected {layout}")
-        empty = False
-        yield f"{path}, line {number}", words
-    if empty:
-        raise DataError(f"{path}: empty, but expected rows of {layout}")
 
 
 def _word(text: str, key: str, path: Path) -> str:

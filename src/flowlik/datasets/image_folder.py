@@ -15,7 +15,7 @@ from flowlik.datasets.layouts import IMAGE_SUFFIXES
 from flowlik.datasets.naming import in_order, last_number
 from flowlik.datasets.numbering import Numbered
 from flowlik.errors import DataError
-from flowlik.geometry.trajectory import read_times
+from flowlik.geometry.times import read_times
 from flowlik.support.files import printable
 
 

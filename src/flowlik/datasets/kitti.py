@@ -15,7 +15,9 @@ from flowlik.datasets.frames import Lacking, first_readable
 from flowlik.datasets.numbering import Numbered, numbered
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
-from flowlik.geometry.trajectory import FRAME_RATE, read_kitti_poses, read_times
+from flowlik.geometry.pose_table import read_pose_table
+from flowlik.geometry.times import read_times
+from flowlik.geometry.trajectory import FRAME_RATE, KITTI_COLUMNS
 from flowlik.support.files import numbers, printable, read_text
 
 IMAGE_FOLDERS = {"image_0": "P0", "image_2": "P2"}
@@ -58,7 +60,8 @@ class KittiOdometry(Lacking):
     Images are those of ``image_0``, else of ``image_2`` (as grey). KITTI's poses are those of camera 0;
     `T_n_c` gives those of the camera whose images are read. {n} is the frame of the pose file. An image's
     number says which rows of poses and times are its own: row k is frame k where there are rows for all
-    numbers; else there must be as many rows as images, the first that of the first image.
+    numbers; else there must be as many rows as images, the first that of the first image. Rows of 13 numbers
+    begin with the frame's number.
 
     Parameters
     ----------
@@ -88,6 +91,7 @@ class KittiOdometry(Lacking):
     def __init__(self, folder: Path | str, poses: Path | str | None = None, lenient: bool = False) -> None:
         self.folder = Path(folder)
         self.name = f"kitti/{printable(self.folder.resolve().name)}"
+        self._lenient = lenient
         self._poses_file = None if poses is None else Path(poses)
         self._images = images = images_in(self.folder, IMAGE_FOLDERS, "KITTI sequence")
         self._frames = numbered_images(self.folder / images, lenient)
@@ -162,18 +166,29 @@ class KittiOdometry(Lacking):
         DataError
             If there is no such frame, or the poses are malformed or not one an image.
         """
-        return self._poses[frame_index(self, k)]
+        poses, known = self._poses
+        if not known[frame_index(self, k)]:
+            raise DataError(f"{self.name}: no pose of frame {self._frames.numbers[k]}")
+        return poses[k]
 
     @cached_property
-    def _poses(self) -> RigidTransform:
+    def _poses(self) -> tuple[RigidTransform, NDArray[np.bool_]]:
+        """Poses (N,) of the camera, and which frames (N,) have one: the others hold that of another."""
         official = self.folder.resolve().parent.parent / "poses" / f"{self.folder.resolve().name}.txt"
         candidates = [self._poses_file] if self._poses_file else [self.folder / "poses.txt", official]
         path = next((path for path in candidates if path.is_file()), None)
         if path is None:
             raise lacks(self.name, f"poses ({' or '.join(map(str, candidates))})")
-        T_n_0 = read_kitti_poses(path)
-        mine = T_n_0[self._frames.rows(len(T_n_0), "poses", path)]
-        return mine * RigidTransform.from_translation(-self._t_c_0)
+        table = read_pose_table(path, self._lenient, KITTI_COLUMNS)
+        if table.times_s is not None:
+            raise DataError(f"{path}: its first column must be frame numbers, which it has not")
+        if table.frames is None:
+            rows, known = self._frames.rows(len(table), "poses", path), np.ones(len(self), dtype=bool)
+        else:
+            rows, known = self._frames.find(table.frames)
+        if not known.any() or not (self._lenient or known.all()):
+            raise DataError(f"{path}: no pose of frame {self._frames.numbers[np.argmin(known)]}")
+        return table.poses[rows] * RigidTransform.from_translation(-self._t_c_0), known
 
     def _read_times(self, lenient: bool) -> tuple[NDArray[np.float64], str]:
         path = self.folder / "times.txt"

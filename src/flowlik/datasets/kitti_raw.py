@@ -14,7 +14,8 @@ from flowlik.datasets.frames import Lacking, first_readable
 from flowlik.datasets.kitti import images_in, numbered_images
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
-from flowlik.geometry.trajectory import FRAME_RATE, check_times
+from flowlik.geometry.times import check_times
+from flowlik.geometry.trajectory import FRAME_RATE
 from flowlik.support.files import numbers, printable, read_table, read_text
 
 EARTH_RADIUS_M = 6378137.0

@@ -65,6 +65,14 @@ class Numbered:
         images = f"{len(self)} images numbered {first} to {last}"
         raise DataError(f"{path}: {count} {what} for the {images}, expected {expected}")
 
+    def find(self, keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Row (N,) of each frame in a table with frame numbers, increasing, and whether it has one (N,).
+
+        Of a frame that has none, the row is another's.
+        """
+        rows = np.minimum(np.searchsorted(keys, self.numbers), len(keys) - 1)
+        return rows, keys[rows] == self.numbers
+
 
 def numbered(files: Iterable[Path], pattern: str, shape: str, gaps: bool = False) -> Numbered:
     """Sort image files by the number in their names, which must be consecutive.

@@ -17,7 +17,7 @@ from flowlik.datasets.frames import Lacking
 from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_camera
 from flowlik.datasets.lens import Lens
 from flowlik.errors import DataError, FlowlikError
-from flowlik.geometry.trajectory import check_times
+from flowlik.geometry.times import check_times
 from flowlik.support.extras import extra
 from flowlik.support.files import printable
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.datasets.base import ImageSequence, frame_index, lacks
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.geometry.camera import Pinhole
-from flowlik.geometry.trajectory import time_text
+from flowlik.geometry.times import time_text
 
 
 class Skipped(NamedTuple):

@@ -28,7 +28,8 @@ from flowlik.datasets.numbering import Numbered, numbered
 from flowlik.datasets.tartanair_layouts import LAYOUTS, read_depth_npy
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
-from flowlik.geometry.trajectory import read_times
+from flowlik.geometry.pose_table import camera_poses, ned_poses, read_pose_table
+from flowlik.geometry.times import read_times
 from flowlik.support.files import printable, read_table
 
 FRAMES_PER_SECOND = 10.0
@@ -36,9 +37,6 @@ FRAMES_PER_SECOND = 10.0
 MOVER_LAYOUT = "9 numbers (frame, object, x y z qx qy qz qw)"
 
 _T = TypeVar("_T", bound=np.generic)
-
-_NED_CAMERA = RigidTransform.from_rotation(Rotation.from_matrix([[0, 0, 1], [1, 0, 0], [0, 1, 0]]))
-"""Takes x right, y down, z forward to TartanAir's axes: x forward, y right, z down."""
 
 
 class TartanAir:
@@ -244,30 +242,20 @@ def encode_flow(flow: NDArray[np.float64], visible: NDArray[np.bool_], camera: P
 
 def encode_poses(poses: RigidTransform) -> NDArray[np.float64]:
     """Rows (N, 7) x y z qx qy qz qw in NED axes of poses T_n_c whose axes are x right, y down, z forward."""
-    ned = _NED_CAMERA * poses * _NED_CAMERA.inv()
+    ned = ned_poses(poses)
     return np.column_stack([ned.translation, ned.rotation.as_quat()])
 
 
 def decode_poses(rows: NDArray[np.float64]) -> RigidTransform:
     """Poses T_n_c, axes x right, y down, z forward, of rows (N, 7) x y z qx qy qz qw in NED axes."""
-    ned = RigidTransform.from_components(rows[:, :3], Rotation.from_quat(rows[:, 3:]))
-    return _NED_CAMERA.inv() * ned * _NED_CAMERA
+    return camera_poses(RigidTransform.from_components(rows[:, :3], Rotation.from_quat(rows[:, 3:])))
 
 
 def _read_poses(path: Path, frames: Numbered) -> RigidTransform | None:
     if not path.is_file():
         return None
-    try:
-        words = [line.split() for line in path.read_text().splitlines() if line.strip()]
-        rows = np.array(words or np.empty((0, 7)), dtype=np.float64)
-    except ValueError as error:
-        raise DataError(f"{path}: not a table of numbers ({error})") from error
-    if rows.shape[1] != 7:
-        raise DataError(f"{path}: poses need 7 columns x y z qx qy qz qw, found {rows.shape[1]}")
-    mine = frames.rows(len(rows), "poses", path)
-    if not np.isfinite(rows).all() or (np.linalg.norm(rows[:, 3:], axis=1) < 0.5).any():
-        raise DataError(f"{path}: every row must be finite and hold a unit quaternion qx qy qz qw")
-    return decode_poses(rows[mine])
+    poses = read_pose_table(path, columns=(7,)).poses
+    return poses[frames.rows(len(poses), "poses", path)]
 
 
 def _read_movers(path: Path, frames: Numbered) -> list[RigidTransform] | None:

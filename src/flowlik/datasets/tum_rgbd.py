@@ -11,10 +11,10 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.datasets.base import frame_index, lacks
 from flowlik.datasets.frames import DepthFrames, read_depth
 from flowlik.datasets.intrinsics import CameraLike, given_camera
-from flowlik.datasets.poses import mutual, nearest
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
-from flowlik.geometry.trajectory import check_times, read_tum
+from flowlik.geometry.times import check_times, mutual, nearest
+from flowlik.geometry.trajectory import read_tum
 from flowlik.support.files import numbers, printable, read_text
 
 TOLERANCE_S = 0.02

@@ -19,7 +19,7 @@ from flowlik.datasets.frames import Lacking
 from flowlik.datasets.image_folder import check_rate
 from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_camera
 from flowlik.errors import DataError
-from flowlik.geometry.trajectory import check_times
+from flowlik.geometry.times import check_times
 from flowlik.support.files import printable
 
 RECENT_FRAMES = 8

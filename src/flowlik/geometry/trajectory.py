@@ -5,28 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from flowlik.errors import DataError
-from flowlik.support.files import atomic_write, read_table, read_text
+from flowlik.geometry.pose_table import PoseTable, read_pose_table
+from flowlik.geometry.times import check_times, read_times
+from flowlik.support.files import atomic_write
 
 Array = NDArray[np.float64]
 
-ROTATION_TOLERANCE = 1e-3
-"""Largest deviation from orthonormality that a file's rotation may have; up to it, rotations are mended.
-
-It admits files written with four decimals (1e-4) and KITTI's official ones (1e-6).
-"""
+KITTI_COLUMNS = (12, 13, 16, 17)
 
 FRAME_RATE = 10.0
 """Frames a second [Hz] assumed for KITTI files without times."""
-
-KITTI_LAYOUT = "12 numbers (a KITTI pose: the rows of [R | t], 3 x 4)"
-TUM_LAYOUT = "8 numbers (a TUM pose: t x y z qx qy qz qw)"
 
 
 @dataclass(frozen=True)
@@ -78,28 +72,6 @@ class Trajectory:
         return float(self.distances[-1])
 
 
-def time_text(time_s: float) -> str:
-    """Time [s] as text, with all digits that tell it from its neighbours: epoch times have many."""
-    return np.format_float_positional(time_s, trim="-")
-
-
-def check_times(timestamps: Array, where: str) -> None:
-    """Check that timestamps (N,) [s] are finite and increase; ``where`` begins the message of an error.
-
-    Raises
-    ------
-    DataError
-        If they do not.
-    """
-    if not np.isfinite(timestamps).all():
-        raise DataError(f"{where}: a timestamp is not a finite number")
-    back = np.flatnonzero(np.diff(timestamps) <= 0)
-    if back.size:
-        k = int(back[0])
-        a, b = (time_text(t) for t in timestamps[k : k + 2])
-        raise DataError(f"{where}: times must increase, but number {k} is {a} s and the next {b} s")
-
-
 def chain(steps: Iterable[RigidTransform]) -> RigidTransform:
     """Chain frame-to-frame motions into poses.
 
@@ -122,6 +94,8 @@ def chain(steps: Iterable[RigidTransform]) -> RigidTransform:
 def read_kitti(path: Path | str, times: Path | str | None = None) -> Trajectory:
     """Read a KITTI pose file: 12 numbers a row, ``T_n_c`` as [R | t].
 
+    Rows of 13 numbers begin with a frame number or a time, those of 16 are 4 x 4.
+
     Parameters
     ----------
     path : Path or str
@@ -135,45 +109,7 @@ def read_kitti(path: Path | str, times: Path | str | None = None) -> Trajectory:
         If a file is missing, empty, has a row of another layout or with NaN, a rotation further than
         `ROTATION_TOLERANCE` from orthonormal, or another number of times than poses.
     """
-    poses = read_kitti_poses(path)
-    if times is None:
-        return Trajectory(np.arange(len(poses)) / FRAME_RATE, poses)
-    seconds = read_times(times)
-    if len(seconds) != len(poses):
-        raise DataError(f"{times}: {len(seconds)} times for the {len(poses)} poses of {path}")
-    return Trajectory(seconds, poses)
-
-
-def read_kitti_poses(path: Path | str) -> RigidTransform:
-    """Poses of a KITTI file, as `read_kitti`, without times.
-
-    Raises
-    ------
-    DataError
-        If the file cannot be read, or is not a table of poses.
-    """
-    rows, lines = read_table(path, 12, KITTI_LAYOUT)
-    matrices = rows.reshape(-1, 3, 4)
-    R = matrices[:, :, :3]
-    deviation = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    bad = np.flatnonzero((deviation > ROTATION_TOLERANCE) | (np.linalg.det(R) < 0))
-    if bad.size:
-        raise DataError(f"{path}, line {lines[bad[0]]}: not a rotation, so not {KITTI_LAYOUT}")
-    return RigidTransform.from_components(matrices[:, :, 3], Rotation.from_matrix(R))
-
-
-def read_times(path: Path | str, increasing: bool = True) -> Array:
-    """Read times (N,) [s], one a row.
-
-    Raises
-    ------
-    DataError
-        If the file cannot be read, or times are not numbers, or go back and ``increasing`` is asked for.
-    """
-    seconds = read_table(path, 1, "1 number (a time in seconds)")[0][:, 0]
-    if increasing:
-        check_times(seconds, str(path))
-    return seconds
+    return _timed(read_pose_table(path, columns=KITTI_COLUMNS), path, times)
 
 
 def write_kitti(path: Path | str, trajectory: Trajectory) -> None:
@@ -191,14 +127,7 @@ def read_tum(path: Path | str) -> Trajectory:
         If the file is missing, empty, has a row of another layout or with NaN, a quaternion whose norm
         is further than `ROTATION_TOLERANCE` from 1, or times that do not increase.
     """
-    rows, lines = read_table(path, 8, TUM_LAYOUT)
-    norms = np.linalg.norm(rows[:, 4:], axis=1)
-    bad = np.flatnonzero(np.abs(norms - 1) > ROTATION_TOLERANCE)
-    if bad.size:
-        raise DataError(f"{path}, line {lines[bad[0]]}: not a unit quaternion, so not {TUM_LAYOUT}")
-    check_times(rows[:, 0], str(path))
-    rotations = Rotation.from_quat(rows[:, 4:])
-    return Trajectory(rows[:, 0], RigidTransform.from_components(rows[:, 1:4], rotations))
+    return _timed(read_pose_table(path, columns=(8,)), path, None)
 
 
 def write_tum(path: Path | str, trajectory: Trajectory) -> None:
@@ -207,33 +136,37 @@ def write_tum(path: Path | str, trajectory: Trajectory) -> None:
     _write_rows(path, np.column_stack([trajectory.timestamps, trajectory.positions, quaternions]))
 
 
-def read_trajectory(
-    path: Path | str, format: Literal["kitti", "tum"] | None = None, times: Path | str | None = None
-) -> Trajectory:
-    """Read a KITTI or TUM file; without ``format`` its first row tells (12 or 8 numbers).
+def read_trajectory(path: Path | str, times: Path | str | None = None) -> Trajectory:
+    """Read a file of poses; its first row tells the layout, see `flowlik.geometry.pose_table`.
+
+    Parameters
+    ----------
+    path : Path or str
+        File.
+    times : Path or str, optional
+        File with one time [s] a row, for a file without times; without it, frame / 10 s.
 
     Raises
     ------
     DataError
-        As `read_kitti` and `read_tum`; or if the first row is of neither format.
+        As `flowlik.geometry.pose_table.read_pose_table`; or if times are given to a file that has its own, or
+        are not one a row.
     """
-    format = format or _guess_format(path)
-    if format == "kitti":
-        return read_kitti(path, times)
-    if times is not None:
-        raise DataError(f"{times}: a TUM file has its own times")
-    return read_tum(path)
+    return _timed(read_pose_table(path), path, times)
 
 
-def _guess_format(path: Path | str) -> Literal["kitti", "tum"]:
-    rows = (line.partition("#")[0].split() for line in read_text(path).splitlines())
-    columns = next((len(words) for words in rows if words), 0)
-    if columns == 12:
-        return "kitti"
-    if columns == 8:
-        return "tum"
-    found = f"its first row has {columns} columns" if columns else "empty"
-    raise DataError(f"{path}: {found}, but expected {KITTI_LAYOUT} or {TUM_LAYOUT}")
+def _timed(table: PoseTable, path: Path | str, times: Path | str | None) -> Trajectory:
+    if table.times_s is not None:
+        if times is not None:
+            raise DataError(f"{times}: {path} has its own times")
+        return Trajectory(table.times_s, table.poses)
+    frames = np.arange(len(table)) if table.frames is None else table.frames
+    if times is None:
+        return Trajectory(frames / FRAME_RATE, table.poses)
+    seconds = read_times(times)
+    if len(seconds) != len(table):
+        raise DataError(f"{times}: {len(seconds)} times for the {len(table)} poses of {path}")
+    return Trajectory(seconds, table.poses)
 
 
 def _write_rows(path: Path | str, rows: ArrayLike) -> None:

@@ -6,6 +6,7 @@ METRICS: dict[str, tuple[str, str]] = {
     "drift_percent": ("Drift", "final position error, share of the path's length"),
     "t_err_percent": ("Translation drift", "over 100 m to 800 m, as KITTI measures it"),
     "r_err_deg_per_100m": ("Rotation drift", "over 100 m to 800 m, as KITTI measures it"),
+    "ate_rmse_m": ("Position error", "root mean square along the path"),
     "rpe_trans_median_m": ("Median translation error", "of one frame's motion"),
     "rpe_rot_median_deg": ("Median rotation error", "of one frame's motion"),
     "ks_median": (

@@ -218,6 +218,27 @@ def read_table(path: Path | str, columns: int, layout: str) -> tuple[NDArray[np.
     return np.array(rows), np.array(lines)
 
 
+def read_csv(path: Path | str, columns: int, layout: str) -> Iterator[tuple[str, list[str]]]:
+    """Rows of words with commas between: where each stands, for messages, and its words, but ``#`` lines.
+
+    Raises
+    ------
+    DataError
+        If the file is missing, has no rows, or a row has fewer columns.
+    """
+    empty = True
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
+        if not line.strip() or line.startswith("#"):
+            continue
+        words = [word.strip() for word in line.split(",")]
+        if len(words) < columns:
+            raise DataError(f"{path}, line {number}: {len(words)} columns, but expected {layout}")
+        empty = False
+        yield f"{path}, line {number}", words
+    if empty:
+        raise DataError(f"{path}: empty, but expected rows of {layout}")
+
+
 def numbers(words: list[str], where: str) -> list[float]:
     """Words as finite numbers; ``where`` begins the message of an error.
 

@@ -7,7 +7,7 @@ Estimated and true trajectory have one pose a frame each, matched by number.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,9 @@ from flowlik.errors import DataError
 from flowlik.geometry.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+
+Align = Literal["none", "se3", "sim3"]
+ALIGNMENTS: tuple[Align, ...] = get_args(Align)
 
 KITTI_LENGTHS_M = (100, 200, 300, 400, 500, 600, 700, 800)
 KITTI_STEP = 10
@@ -80,8 +83,44 @@ class RelativeErrors:
     direction_rad: Array
 
 
-def drift_percent(estimated: Trajectory, truth: Trajectory) -> float:
-    """Loop-closure drift: 100 · ‖final position error‖ / true length [%], first pose shared, no alignment.
+def aligned(estimated: Trajectory, truth: Trajectory, align: Align = "none") -> Trajectory:
+    """Lay an estimated trajectory onto the true one.
+
+    Parameters
+    ----------
+    estimated, truth : Trajectory
+        N poses each.
+    align : {"none", "se3", "sim3"}
+        ``none``: the first pose is shared. Otherwise the positions are moved (``se3``), or moved and scaled
+        (``sim3``), onto the true ones by least squares (Umeyama, PAMI 1991), and the rotations turned with
+        them.
+
+    Raises
+    ------
+    DataError
+        If the trajectories differ in number of poses, or the alignment is unknown.
+    """
+    _check_same_length(estimated, truth)
+    if align not in ALIGNMENTS:
+        raise DataError(f"unknown alignment {align!r}: known are {', '.join(ALIGNMENTS)}")
+    if align == "none":
+        return Trajectory(estimated.timestamps, truth.poses[0] * estimated.poses[0].inv() * estimated.poses)
+    rotation, scale = _umeyama(estimated.positions, truth.positions, scaled=align == "sim3")
+    centred = estimated.positions - estimated.positions.mean(axis=0)
+    positions = scale * rotation.apply(centred) + truth.positions.mean(axis=0)
+    poses = RigidTransform.from_components(positions, rotation * estimated.poses.rotation)
+    return Trajectory(estimated.timestamps, poses)
+
+
+def drift_percent(estimated: Trajectory, truth: Trajectory, align: Align = "none") -> float:
+    """Loop-closure drift: 100 · ‖final position error‖ / true length [%].
+
+    Parameters
+    ----------
+    estimated, truth : Trajectory
+        N poses each.
+    align : {"none", "se3", "sim3"}
+        See `aligned`; by default the first pose is shared, no more.
 
     Raises
     ------
@@ -91,13 +130,11 @@ def drift_percent(estimated: Trajectory, truth: Trajectory) -> float:
     _check_same_length(estimated, truth)
     if truth.length == 0:
         raise DataError("drift is undefined: the true path has no length")
-    end_error = _from_first(estimated)[-1] - _from_first(truth)[-1]
+    end_error = aligned(estimated, truth, align).positions[-1] - truth.positions[-1]
     return float(100 * np.linalg.norm(end_error) / truth.length)
 
 
-def absolute_trajectory_error(
-    estimated: Trajectory, truth: Trajectory, align: Literal["none", "se3", "sim3"] = "none"
-) -> float:
+def absolute_trajectory_error(estimated: Trajectory, truth: Trajectory, align: Align = "none") -> float:
     """Root mean square of the position errors (ATE) [m].
 
     Parameters
@@ -105,19 +142,14 @@ def absolute_trajectory_error(
     estimated, truth : Trajectory
         N poses each.
     align : {"none", "se3", "sim3"}
-        ``none``: first pose shared. Otherwise the estimated positions are first moved (``se3``) or
-        moved and scaled (``sim3``) onto the true ones by least squares (Umeyama, PAMI 1991).
+        See `aligned`; by default the first pose is shared, no more.
 
     Raises
     ------
     DataError
         If the trajectories differ in number of poses.
     """
-    _check_same_length(estimated, truth)
-    if align == "none":
-        errors = _from_first(estimated) - _from_first(truth)
-    else:
-        errors = _umeyama(estimated.positions, truth.positions, scaled=align == "sim3") - truth.positions
+    errors = aligned(estimated, truth, align).positions - truth.positions
     return float(np.sqrt((errors**2).sum(axis=1).mean()))
 
 
@@ -229,11 +261,6 @@ def _check_same_length(estimated: Trajectory, truth: Trajectory) -> None:
         raise DataError(f"the estimated trajectory has {len(estimated)} poses, the true one {len(truth)}")
 
 
-def _from_first(trajectory: Trajectory) -> Array:
-    """Positions (N, 3) [m] in the first camera's frame."""
-    return np.atleast_2d(trajectory.poses[0].inv().apply(trajectory.positions))
-
-
 def _motions(trajectory: Trajectory, first: NDArray[np.int64], last: NDArray[np.int64]) -> RigidTransform:
     """``T_first_last`` of pairs of frames (S,)."""
     return trajectory.poses[first].inv() * trajectory.poses[last]
@@ -251,10 +278,9 @@ def _unit(vectors: Array) -> Array:
     return vectors / np.where(norms > 0, norms, np.nan)
 
 
-def _umeyama(points: Array, target: Array, *, scaled: bool) -> Array:
-    """Points (N, 3) rotated, shifted and, if asked, scaled onto the target (N, 3) by least squares."""
+def _umeyama(points: Array, target: Array, *, scaled: bool) -> tuple[Rotation, float]:
+    """Rotation and, if asked, scale that take centred points (N, 3) to the centred target (N, 3)."""
     a, b = points - points.mean(axis=0), target - target.mean(axis=0)
     rotation = Rotation.align_vectors(b, a)[0] if np.any(a) and np.any(b) else Rotation.identity()
     a = rotation.apply(a)
-    scale = (a * b).sum() / (a**2).sum() if scaled and np.any(a) else 1.0
-    return scale * a + target.mean(axis=0)
+    return rotation, float((a * b).sum() / (a**2).sum()) if scaled and np.any(a) else 1.0

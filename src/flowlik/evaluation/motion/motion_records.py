@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence as Seq
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -12,6 +13,8 @@ from flowlik.datasets.base import ImageSequence
 from flowlik.egomotion import EgoMotion
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.evaluation.motion.drift import (
+    Align,
+    aligned,
     direction_offset,
     drift_percent,
     kitti_errors,
@@ -44,8 +47,8 @@ def trajectory_records(
 ) -> list[Record]:
     """Drift, KITTI errors (with and without the constant direction offset) and per-frame errors.
 
-    Nothing is aligned; the first pose is shared. Figures that the data does not allow are null, with the
-    reason in the protocol.
+    Nothing is aligned but where it is asked for; the first pose is shared. Figures that the data does not
+    allow are null, with the reason in the protocol.
 
     Parameters
     ----------
@@ -54,19 +57,23 @@ def trajectory_records(
     dataset, flow, family, schedule, estimator, seed
         Keys of the records.
     **keys
-        Keys of the protocol, such as ``scale``.
+        Keys of the protocol, such as ``scale``. ``align`` (none, se3 or sim3) is one that also lays the
+        estimate onto the truth, see `flowlik.evaluation.motion.drift.aligned`.
 
     Raises
     ------
     DataError
         If the true path has no length, or the trajectories differ in length.
     """
-    note = protocol(align="none", **keys, frames=len(truth))
+    align = cast(Align, keys.pop("align", "none"))
+    note = protocol(align=align, **keys, frames=len(truth))
 
     def record(metric: str, value: float | None, unit: str, count: int, extra: str = "") -> Record:
         full = f"{note}; {extra}" if extra else note
         return Record(metric, value, unit, dataset, flow, family, schedule, estimator, count, seed, full)
 
+    drift = drift_percent(estimated, truth, align)
+    estimated = aligned(estimated, truth, align)
     steps = relative_pose_errors(estimated, truth)
     kitti = kitti_errors(estimated, truth)
     why = protocol(metric="kitti-devkit", reason=kitti.reason or None)
@@ -82,7 +89,7 @@ def trajectory_records(
         removed = None, protocol(metric="kitti-devkit", reason=str(error))
     count = len(kitti.segments)
     return [
-        record("drift_percent", drift_percent(estimated, truth), "%", len(truth)),
+        record("drift_percent", drift, "%", len(truth)),
         record("t_err_percent", kitti.t_err_percent, "%", count, why),
         record("r_err_deg_per_100m", kitti.r_err_deg_per_100m, "deg/100 m", count, why),
         record("t_err_offset_removed_percent", removed[0], "%", count, removed[1]),

@@ -24,7 +24,7 @@ from flowlik.datasets.base import (
 )
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
-from flowlik.geometry.trajectory import check_times
+from flowlik.geometry.times import check_times
 from flowlik.simulation.base import Frame, World
 from flowlik.simulation.flight._shutter import motions_between, pose_near
 from flowlik.simulation.flight.sensor import DEFAULT_SENSOR, Light, Sensor, motion_blurred
