@@ -30,17 +30,17 @@ from flowlik.calibration import (
 )
 from flowlik.datasets import open_sequence
 from flowlik.datasets.base import ImageSequence
-from flowlik.evaluation.likelihood.goodness import (
+from flowlik.evaluation.likelihood import (
     CONFIDENCES,
     Counting,
     coverage,
     held_out_floor,
     kolmogorov_smirnov,
+    levels,
     negative_log_likelihood,
     nll_interval,
     outside_range,
 )
-from flowlik.evaluation.likelihood.levels import levels
 from flowlik.flow import flow_method
 from flowlik.likelihood.families import FAMILIES
 from flowlik.likelihood.likelihood import FlowLikelihood

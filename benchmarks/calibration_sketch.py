@@ -19,7 +19,7 @@ from scipy.optimize import minimize
 
 from flowlik.calibration import ErrorSketch, fit, place_knots
 from flowlik.calibration.sketch import level_edges
-from flowlik.evaluation.likelihood.goodness import Counting, kolmogorov_smirnov, negative_log_likelihood
+from flowlik.evaluation.likelihood import Counting, kolmogorov_smirnov, negative_log_likelihood
 from flowlik.likelihood.families import LaplaceCauchy
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.schedule import Index, Schedule

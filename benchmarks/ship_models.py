@@ -27,12 +27,7 @@ from flowlik.calibration import (
     with_shared_errors,
 )
 from flowlik.calibration.shared_errors import Pairs
-from flowlik.evaluation.likelihood.goodness import (
-    Counting,
-    coverage,
-    kolmogorov_smirnov,
-    negative_log_likelihood,
-)
+from flowlik.evaluation.likelihood import Counting, coverage, kolmogorov_smirnov, negative_log_likelihood
 from flowlik.flow import flow_method
 from flowlik.image.texture import TextureDefinition
 from flowlik.likelihood.families import error_family

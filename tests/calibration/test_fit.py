@@ -4,7 +4,7 @@ from scipy.optimize import minimize
 
 from flowlik.calibration import ErrorSketch, fit, place_knots
 from flowlik.errors import CalibrationError
-from flowlik.evaluation.likelihood.goodness import Counting, kolmogorov_smirnov, negative_log_likelihood
+from flowlik.evaluation.likelihood import Counting, kolmogorov_smirnov, negative_log_likelihood
 from flowlik.likelihood.families import FAMILIES
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.schedule import Index, Schedule

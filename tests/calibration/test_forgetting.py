@@ -5,7 +5,7 @@ import pytest
 
 from flowlik.calibration import ErrorSketch, fit
 from flowlik.calibration.sketch import level_edges
-from flowlik.evaluation.likelihood.goodness import Counting, kolmogorov_smirnov, negative_log_likelihood
+from flowlik.evaluation.likelihood import Counting, kolmogorov_smirnov, negative_log_likelihood
 from flowlik.likelihood.families import LaplaceCauchy
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.schedule import Index

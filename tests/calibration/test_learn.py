@@ -13,7 +13,7 @@ from flowlik.calibration import (
 )
 from flowlik.calibration.learn import _fit_weights
 from flowlik.errors import CalibrationError
-from flowlik.evaluation.likelihood.goodness import coverage, negative_log_likelihood
+from flowlik.evaluation.likelihood import coverage, negative_log_likelihood
 from flowlik.flow import Farneback, LucasKanade
 from flowlik.likelihood.families import FAMILIES
 from flowlik.likelihood.schedule import Index

@@ -6,8 +6,8 @@ from functools import partial
 import pytest
 
 import flowlik.calibration  # noqa: F401 (loads the module taken from sys.modules below)
-from flowlik.evaluation.likelihood import evidence
-from flowlik.evaluation.likelihood.goodness import block_interval
+from flowlik.evaluation.likelihood import _evidence as evidence
+from flowlik.evaluation.likelihood._goodness import block_interval
 from flowlik.report import _page as page
 from flowlik.report import _style as style
 

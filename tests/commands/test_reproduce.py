@@ -6,7 +6,7 @@ import pytest
 from flowlik.commands.plans import FULL, METHODS, QUICK, Flight, Plan
 from flowlik.commands.reproduce import reproduce
 from flowlik.commands.reproduce_flights import BASELINE
-from flowlik.evaluation.likelihood.goodness import Counting
+from flowlik.evaluation.likelihood import Counting
 from flowlik.likelihood.model_file import load_likelihood
 from flowlik.results.records import read_records, select
 

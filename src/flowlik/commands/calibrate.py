@@ -29,9 +29,15 @@ from flowlik.calibration import (
 from flowlik.commands.options import CalibrateOptions
 from flowlik.commands.sketching import sketch_for_run
 from flowlik.datasets import open_sequence
-from flowlik.evaluation.likelihood import evidence, table
-from flowlik.evaluation.likelihood.bias import bias_records
-from flowlik.evaluation.likelihood.goodness import Counting, outside_range
+from flowlik.evaluation.likelihood import (
+    Counting,
+    bias_records,
+    figures,
+    model_records,
+    outside_range,
+    outside_warning,
+    table_arrays,
+)
 from flowlik.flow import coded, describe, flow_method, method_label
 from flowlik.flow.base import FlowMethod
 from flowlik.likelihood.families import FAMILIES, error_family
@@ -127,7 +133,7 @@ def calibrate(
     if schedule != "constant":
         rng, smoothing = np.random.default_rng(seed), chosen.goodness["fit"]["smoothing"]
         bands = bootstrap(blocks_of_chosen, chosen.family, chosen.schedule, rng, BAND_REPLICATES, smoothing)
-    run.save("table", label, evidence.table(merge_all(blocks_of_chosen), chosen, bands))
+    run.save("table", label, table_arrays(merge_all(blocks_of_chosen), chosen, bands))
     spread = [b for s in sequences for b in spread_pairs(s, max(2, SHARED_PAIRS // len(sequences)), seed)]
     with executor(options.executor, options.workers, options.scheduler) as block_map:
         pairs = measured_pairs(
@@ -179,14 +185,14 @@ def add_evidence(
     """
     merged, main = merge_all(blocks), next(iter(models.values()))
     for model in models.values():
-        run.records += table.model_records(blocks, model, dataset, seed, counting, **keys)
-    figures = table.figures([blocks], models, counting)
+        run.records += model_records(blocks, model, dataset, seed, counting, **keys)
+    drawn = figures([blocks], models, counting)
     flow = method_label(main.method) if main.method else None
     if select(run.records, metric="negative_share", dataset=dataset, flow=flow):
-        del figures["bias"]  # it is the flow's, whatever the schedule
+        del drawn["bias"]  # it is the flow's, whatever the schedule
     else:
         run.records += bias_records(merged, dataset, flow, seed, **keys)
-    for kind, arrays in figures.items():
+    for kind, arrays in drawn.items():
         run.save(kind, label, arrays)
-    if message := evidence.outside_warning(outside_range(merged, main), dataset):
+    if message := outside_warning(outside_range(merged, main), dataset):
         run.warn(message)

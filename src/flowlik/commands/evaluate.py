@@ -11,8 +11,7 @@ from flowlik.commands.options import EvaluateOptions
 from flowlik.commands.sketching import sketch_for_run
 from flowlik.datasets import open_sequence
 from flowlik.errors import DataError
-from flowlik.evaluation.likelihood.eigenbasis import kept_for_eigenbasis
-from flowlik.evaluation.likelihood.goodness import Counting
+from flowlik.evaluation.likelihood import Counting, kept_for_eigenbasis
 from flowlik.flow import coded, confirmed_method, method_label
 from flowlik.likelihood.model_file import load_likelihood
 from flowlik.report import finish

@@ -16,7 +16,7 @@ from flowlik.datasets.intrinsics import CameraLike, given_camera, read_if_file
 from flowlik.datasets.lens import Lens
 from flowlik.datasets.uncertainty_file import write_uncertainty
 from flowlik.errors import DataError
-from flowlik.evaluation.likelihood.evidence import outside_warning
+from flowlik.evaluation.likelihood import outside_warning
 from flowlik.flow import coded, confirmed_method, describe, method_label
 from flowlik.flow.base import Image
 from flowlik.image.sampling import sample_flow

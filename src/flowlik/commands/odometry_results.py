@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.commands.options import OdometryOptions
 from flowlik.datasets.selection import Selection, Skipped
 from flowlik.egomotion import EgoMotion
-from flowlik.evaluation.likelihood.evidence import outside_warning
+from flowlik.evaluation.likelihood import outside_warning
 from flowlik.evaluation.motion.data_check import Agreement, disagreement_warning
 from flowlik.evaluation.motion.drift import relative_pose_errors
 from flowlik.evaluation.motion.motion_records import status_records, trajectory_records

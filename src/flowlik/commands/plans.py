@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from flowlik.evaluation.likelihood.goodness import Counting
+from flowlik.evaluation.likelihood import Counting
 
 METHODS = ("farneback", "lucas-kanade")
 SPEEDS_MPS = (1.5, 3.0, 6.0, 12.0)

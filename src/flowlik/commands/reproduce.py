@@ -26,7 +26,7 @@ from flowlik.commands.options import BEST_FAMILY
 from flowlik.commands.plans import FAMILIES_SHOWN, METHODS, QUICK, Flight, Plan
 from flowlik.commands.reproduce_flights import BLOCK, add_ratios, flight_sequence, fly
 from flowlik.datasets.base import ImageSequence
-from flowlik.evaluation.likelihood.evidence import table
+from flowlik.evaluation.likelihood import table_arrays
 from flowlik.flow import flow_method
 from flowlik.flow.base import FlowMethod
 from flowlik.geometry.camera import Pinhole
@@ -132,7 +132,7 @@ def _calibrate(
     models = fit_families(blocks, method, provenance, FAMILIES_SHOWN, SMOOTHING_NAT)
     dataset = f"{plan.world}-calibration"
     _add_evidence(run, blocks, models, dataset, method, plan, "calibration")
-    run.save("table", method.name, table(merge_all(blocks), models["lcm"]))
+    run.save("table", method.name, table_arrays(merge_all(blocks), models["lcm"]))
     index = schedule_index("index", flights, index_form(method))
     over = [block.over(index) for block in blocks]
     best = fit_families(over, method, provenance, (BEST_FAMILY,), SMOOTHING_NAT)

@@ -3,7 +3,7 @@ import pytest
 
 from flowlik.calibration import ErrorSketch
 from flowlik.calibration.sketch import level_centres
-from flowlik.evaluation.likelihood.bias import CAP_PX, LOW_TEXTURE, bias, bias_arrays, bias_records
+from flowlik.evaluation.likelihood._bias import CAP_PX, LOW_TEXTURE, bias, bias_arrays, bias_records
 from flowlik.likelihood.schedule import Index
 from tests.evaluation.population import draw, sketch_of
 

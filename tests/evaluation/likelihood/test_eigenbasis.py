@@ -3,10 +3,10 @@ import pytest
 
 from flowlik.calibration import ErrorSketch
 from flowlik.errors import CalibrationError
-from flowlik.evaluation.likelihood import eigenbasis
-from flowlik.evaluation.likelihood.eigenbasis import eigenbasis_cost, kept_for_eigenbasis, own_table_gain
-from flowlik.evaluation.likelihood.evidence import Recorder
-from flowlik.evaluation.likelihood.reservoir import Reservoir
+from flowlik.evaluation.likelihood import _eigenbasis as eigenbasis
+from flowlik.evaluation.likelihood._eigenbasis import eigenbasis_cost, kept_for_eigenbasis, own_table_gain
+from flowlik.evaluation.likelihood._evidence import Recorder
+from flowlik.evaluation.likelihood._reservoir import Reservoir
 from flowlik.likelihood.schedule import Index, Input, Term
 from tests.evaluation.population import INDEX, MODEL, OVER_INDEX, draw, sketch_of
 

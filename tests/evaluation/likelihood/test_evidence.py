@@ -3,8 +3,8 @@ import pytest
 from scipy.integrate import trapezoid
 
 from flowlik.calibration import ErrorSketch
-from flowlik.evaluation.likelihood import evidence
-from flowlik.evaluation.likelihood.goodness import Counting
+from flowlik.evaluation.likelihood import _evidence as evidence
+from flowlik.evaluation.likelihood._goodness import Counting
 from flowlik.likelihood.families import LaplaceCauchy
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.schedule import Index, Schedule
@@ -106,16 +106,16 @@ def test_arrays_of_error_over_texture(sketch):
 
 
 def test_arrays_of_the_table(sketch):
-    arrays = evidence.table(sketch, MODEL)
+    arrays = evidence.table_arrays(sketch, MODEL)
     np.testing.assert_allclose(arrays["knots"], np.exp(KNOTS))
     assert arrays["values"].shape == (len(KNOTS), len(arrays["names"])) == (len(KNOTS), len(arrays["units"]))
     assert arrays["counts"].sum() == sketch.total and str(arrays["coordinate"]) == "texture"
     resampled = MODEL.schedule.values + np.linspace(-1, 1, 41)[:, None, None]
-    banded = evidence.table(sketch, MODEL, resampled)
+    banded = evidence.table_arrays(sketch, MODEL, resampled)
     np.testing.assert_allclose(banded["high"] - arrays["values"], 0.95)
     np.testing.assert_allclose(arrays["values"] - banded["low"], 0.95)
     constant = FlowLikelihood(LaplaceCauchy(), Schedule.constant(np.array([0.9, 0.5, 0.6])))
-    assert np.isfinite(evidence.table(sketch, constant)["knots"]).all()
+    assert np.isfinite(evidence.table_arrays(sketch, constant)["knots"]).all()
 
 
 def test_empirical_and_fitted_densities_agree_and_integrate_to_one(sketch):

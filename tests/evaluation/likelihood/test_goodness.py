@@ -3,8 +3,8 @@ import pytest
 from scipy import stats
 
 from flowlik.calibration import ErrorSketch
-from flowlik.evaluation.likelihood import goodness
-from flowlik.evaluation.likelihood.goodness import Counting
+from flowlik.evaluation.likelihood import _goodness as goodness
+from flowlik.evaluation.likelihood._goodness import Counting
 from flowlik.likelihood.families import LaplaceCauchy
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.schedule import Index, Schedule

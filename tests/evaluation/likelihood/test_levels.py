@@ -3,8 +3,8 @@ import pytest
 
 from flowlik.calibration import ErrorSketch
 from flowlik.calibration.sketch import level_edges
-from flowlik.evaluation.likelihood.goodness import Counting
-from flowlik.evaluation.likelihood.levels import levels, levels_arrays
+from flowlik.evaluation.likelihood._goodness import Counting
+from flowlik.evaluation.likelihood._levels import levels, levels_arrays
 from flowlik.likelihood.schedule import Index
 from tests.evaluation.population import MODEL, OVER_INDEX, draw, sketch_of
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from flowlik.evaluation.likelihood.pit import BINS, pit, pit_arrays
+from flowlik.evaluation.likelihood._pit import BINS, pit, pit_arrays
 from tests.evaluation.population import MODEL, OVER_INDEX, draw, sketch_of
 
 

@@ -3,7 +3,7 @@ import pytest
 from scipy import stats
 from scipy.integrate import trapezoid
 
-from flowlik.evaluation.likelihood.sparsification import (
+from flowlik.evaluation.likelihood._sparsification import (
     CAP_PX,
     REMOVED,
     sparsification,

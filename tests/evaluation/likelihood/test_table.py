@@ -1,8 +1,8 @@
 import pytest
 
 from flowlik.errors import CalibrationError
-from flowlik.evaluation.likelihood import table
-from flowlik.evaluation.likelihood.goodness import Counting, held_out_floor
+from flowlik.evaluation.likelihood import _table as table
+from flowlik.evaluation.likelihood._goodness import Counting, held_out_floor
 from flowlik.report._figures import check
 from tests.evaluation.population import INDEX, MODEL, OVER_INDEX, draw, sketch_of
 

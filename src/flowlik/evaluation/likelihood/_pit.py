@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from flowlik.calibration.sketch import ErrorSketch
-from flowlik.evaluation.likelihood.goodness import magnitude_cdf
+from flowlik.evaluation.likelihood._goodness import magnitude_cdf
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.support.arrays import Array
 

@@ -19,7 +19,7 @@ from flowlik.calibration.sketch import (
     merge_all,
     x_edges,
 )
-from flowlik.evaluation.likelihood.goodness import (
+from flowlik.evaluation.likelihood._goodness import (
     CONFIDENCES,
     Counting,
     KolmogorovSmirnov,
@@ -161,7 +161,9 @@ def error_over_texture(sketch: ErrorSketch, likelihood: FlowLikelihood) -> dict[
     }
 
 
-def table(sketch: ErrorSketch, likelihood: FlowLikelihood, resampled: Array | None = None) -> dict[str, Any]:
+def table_arrays(
+    sketch: ErrorSketch, likelihood: FlowLikelihood, resampled: Array | None = None
+) -> dict[str, Any]:
     """Arrays of the paper's Fig. 5 (look-up table): parameters at the knots, and where the data is.
 
     With tables (B, P, M) of `flowlik.calibration.bootstrap` also the central 95 % of these.

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.calibration.sketch import LEVELS, ErrorSketch, level_centres, level_edges, merge_all
-from flowlik.evaluation.likelihood.goodness import Counting, inside_by_bin, nll_by_bin
-from flowlik.evaluation.likelihood.reservoir import Reservoir
+from flowlik.evaluation.likelihood._goodness import Counting, inside_by_bin, nll_by_bin
+from flowlik.evaluation.likelihood._reservoir import Reservoir
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.schedule import Index
 from flowlik.support.arrays import Array

@@ -8,18 +8,18 @@ from typing import Any
 
 from flowlik.calibration.sketch import ErrorSketch, merge_all
 from flowlik.errors import CalibrationError
-from flowlik.evaluation.likelihood import evidence
-from flowlik.evaluation.likelihood.bias import bias_arrays
-from flowlik.evaluation.likelihood.eigenbasis import (
+from flowlik.evaluation.likelihood import _evidence as evidence
+from flowlik.evaluation.likelihood._bias import bias_arrays
+from flowlik.evaluation.likelihood._eigenbasis import (
     eigenbasis_arrays,
     eigenbasis_cost,
     eigenbasis_records,
     tells_eigenbasis,
 )
-from flowlik.evaluation.likelihood.goodness import Counting, KolmogorovSmirnov
-from flowlik.evaluation.likelihood.levels import levels, levels_arrays
-from flowlik.evaluation.likelihood.pit import pit, pit_arrays
-from flowlik.evaluation.likelihood.sparsification import (
+from flowlik.evaluation.likelihood._goodness import Counting, KolmogorovSmirnov
+from flowlik.evaluation.likelihood._levels import levels, levels_arrays
+from flowlik.evaluation.likelihood._pit import pit, pit_arrays
+from flowlik.evaluation.likelihood._sparsification import (
     CAP_PX,
     STATISTICS,
     sparsification,

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from flowlik.calibration.fit import fit
 from flowlik.calibration.sketch import ErrorSketch, x_edges
 from flowlik.errors import CalibrationError
-from flowlik.evaluation.likelihood.evidence import Recorder
-from flowlik.evaluation.likelihood.goodness import magnitude_cdf
-from flowlik.evaluation.likelihood.reservoir import Reservoir
+from flowlik.evaluation.likelihood._evidence import Recorder
+from flowlik.evaluation.likelihood._goodness import magnitude_cdf
+from flowlik.evaluation.likelihood._reservoir import Reservoir
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.schedule import Index
 from flowlik.likelihood.tables import magnitude_nodes
