@@ -16,8 +16,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from tests.datasets import fakes, test_kitti, test_kitti_raw
-from tests.datasets.test_camera_file import KALIBR, ROS, written_by_opencv
+from tests.datasets import camera_files, fakes, test_kitti, test_kitti_raw
 from tests.datasets.test_open_sequence import MAKERS
 from tests.odometry.test_ros_odometry import write_bag
 from tests.odometry.test_trajectory_covariance import steps
@@ -199,6 +198,47 @@ def _ros() -> dict[str, Target]:
     }
 
 
+def _cameras() -> dict[str, Target]:
+    """Camera files of each kind, read as a lens that is then used."""
+    texts = {
+        "ros": camera_files.ROS,
+        "ros echo": camera_files.ROS_ECHO,
+        "kalibr": camera_files.KALIBR,
+        "kalibr ds": camera_files.KALIBR_DS,
+        "euroc": camera_files.EUROC,
+        "orb-slam 2": camera_files.ORB_SLAM_2,
+        "orb-slam 3": camera_files.ORB_SLAM_3,
+        "orb-slam stereo": camera_files.ORB_SLAM_STEREO,
+        "colmap": camera_files.COLMAP,
+        "kitti": camera_files.KITTI,
+        "kitti raw": camera_files.KITTI_RAW,
+        "transforms": camera_files.transforms(),
+        "basalt": camera_files.basalt("ds", xi=camera_files.XI, alpha=camera_files.ALPHA),
+        "row": "458.5 457.25 367.0 248.5\n",
+    }
+    found = {
+        f"camera {name}": Target(file_of("camera", lambda p, text=text: p.write_text(text)), use_camera)
+        for name, text in texts.items()
+    }
+    opencv = {
+        f"camera opencv {suffix}": Target(
+            file_of(f"camera.{suffix}", camera_files.written_by_opencv), use_camera
+        )
+        for suffix in ("yml", "xml", "json")
+    }
+    return found | opencv
+
+
+def use_camera(path: Path) -> None:
+    """Read a camera file and use it; maps of every hundredth, they are slow."""
+    lens = read_camera(path)
+    for shape in ((480, 752), (375, 1242)):
+        with contextlib.suppress(DataError):
+            lens.straighten(np.array([[367.0, 248.0], [0.0, 0.0], [1e3, -1e3]]), shape)
+            if next(_counter) % 100 == 0:
+                lens.valid(shape)
+
+
 def targets() -> dict[str, Target]:
     """All targets by name."""
     makers = {**MAKERS, "kitti": _kitti, "kitti-raw": test_kitti_raw.make_drive, "tartanair": _tartanair}
@@ -207,15 +247,13 @@ def targets() -> dict[str, Target]:
         for name, make in {**makers, "video": _video}.items()
     }
     model = shipped()["lucas-kanade-lcm"], shipped()["dis"]
-    cameras = {"ros": lambda p: p.write_text(ROS), "kalibr": lambda p: p.write_text(KALIBR)}
-    cameras["opencv"] = written_by_opencv
     return {
         **found,
         **_ros(),
         **_images(),
         **{f"flow {suffix}": _flow(suffix) for suffix in ("flo", "png", "npy", "npz", "pfm")},
         "flow tartanair": Target(file_of("a.png", _tartanair_flow), read_flow),
-        **{f"camera {n}": Target(file_of("c.yaml", w), read_camera) for n, w in cameras.items()},
+        **_cameras(),
         **{
             f"model {path.stem}": Target(
                 file_of("m.json", lambda p, path=path: shutil.copy(path, p)), load_likelihood

@@ -7,7 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from flowlik.datasets import open_sequence
 from flowlik.datasets.euroc import Euroc
-from flowlik.datasets.euroc_files import read_sensor
+from flowlik.datasets.euroc_files import read_T_b_c
+from flowlik.datasets.lens_models import KannalaBrandt
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.geometry.camera import Pinhole
 
@@ -100,11 +101,21 @@ def test_a_sequence_is_the_frames_that_have_poses(tmp_path):
 
 
 def test_images_are_undistorted(tmp_path):
-    sequence = Euroc(make_euroc(tmp_path))
+    folder = make_euroc(tmp_path)
+    sequence = open_sequence(folder)
     rays = sequence.camera.rays(sequence.camera.pixel_grid())
     expected = scene(rays[:, 0], rays[:, 1]).reshape(HEIGHT, WIDTH)
     assert np.abs(sequence.image(0) - expected).max() < 2
+    np.testing.assert_array_equal(Euroc(folder).image(0), distorted_image())
     assert np.abs(distorted_image() - expected).max() > 30
+    assert sequence.mask(0).all()  # a barrel's undistorted image lies within the original
+
+
+def test_an_equidistant_lens_is_read_too(tmp_path):
+    folder = make_euroc(tmp_path)
+    text = SENSOR.replace("radial-tangential", "equidistant").replace("-0.283, 0.074", "0.01, -0.02")
+    (folder / "mav0/cam0/sensor.yaml").write_text(text)
+    assert open_sequence(folder).lens.model == KannalaBrandt((0.01, -0.02, 0.0002, 1.8e-5))
 
 
 def test_without_poses_all_frames_are_there(tmp_path):
@@ -119,19 +130,19 @@ def test_without_poses_all_frames_are_there(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("camera_model: pinhole", "camera_model: omni", "camera_model is omni, only pinhole"),
-        ("radial-tangential", "equidistant", "only radial-tangential is read"),
-        ("intrinsics: [114.7, ", "intrinsics: [", "intrinsics holds 3 numbers, expected 4"),
-        ("intrinsics: [114.7", "intrinsics: [x", "intrinsics: 'x' is not a finite number"),
+        ("camera_model: pinhole", "camera_model: omni", "camera_model omni is not known"),
+        ("radial-tangential", "fov", "distortion model 'fov' is not known"),
+        ("intrinsics: [114.7, ", "intrinsics: [", "intrinsics hold 3 numbers, expected fx"),
+        ("intrinsics: [114.7", "intrinsics: [x", "intrinsics is not a list of finite numbers"),
         ("intrinsics: [114.7", "intrinsics: [-1", "impossible camera"),
-        ("resolution: [188, 120]", "resolution: [188, 121]", "but sensor.yaml says 188 x 121"),
+        ("resolution: [188, 120]", "resolution: [188, 121]", "of 188 x 121 pixels, these are 188 x 120"),
         ("resolution: [188, 120]", "resolution: [188.5, 120]", "two positive whole numbers"),
-        ("resolution: [188, 120]", "resolution: 188", "no readable resolution"),
-        ("  data: [", "  data: 1 [", "no readable T_BS"),
+        ("resolution: [188, 120]", "resolution: 188", "image size is not a list"),
+        ("  data: [", "  data: 1 [", "the T_BS is not a list of finite numbers"),
+        ("T_BS:", "T_SB:", "the T_BS is not a list of finite numbers"),
         ("0.0, 0.0, 0.0, 1.0]", "0.0, 0.0, 0.0, 2.0]", "T_BS: a rigid transform's last row"),
-        ("rate_hz: 20", "intrinsics: [1, 1, 1, 1]", "2 readable intrinsics"),
-        ("camera_model: pinhole", "", "no readable camera_model"),
-        (SENSOR, "", "no readable camera_model"),
+        ("0.0, 0.0, 0.0, 1.0]", "0.0, 0.0, 1.0]", "T_BS has 15 numbers, expected 4 x 4"),
+        (SENSOR, "", "not a mapping of names to values"),
     ],
 )  # fmt: skip
 def test_bad_sensor_files(tmp_path, old, new, message):
@@ -174,8 +185,8 @@ def test_bad_folders_and_images(tmp_path):
     with pytest.raises(DataError, match=rf"{path.name}: no such image"):
         sequence.image(1)
     with (folder / "mav0/cam0/sensor.yaml").open("a") as file:
-        file.write("#" * 2**14)
-    with pytest.raises(DataError, match="larger than a EuRoC"):
+        file.write("#" * 2**17)
+    with pytest.raises(DataError, match="larger than a camera file"):
         Euroc(folder)
     (folder / "mav0/cam0/sensor.yaml").unlink()
     with pytest.raises(DataError, match=r"sensor\.yaml: no such file"):
@@ -195,6 +206,6 @@ def test_damaged_sensor_files_end_in_one_error_at_worst(tmp_path, changes):
         text = text[:at] + what + text[at + len(what) :]
     (tmp_path / "sensor.yaml").write_bytes(text.encode(errors="ignore"))
     try:
-        assert read_sensor(tmp_path / "sensor.yaml").T_b_c.shape == (4, 4)
+        assert read_T_b_c(tmp_path / "sensor.yaml").as_matrix().shape == (4, 4)
     except DataError as error:
         assert "sensor.yaml" in str(error)

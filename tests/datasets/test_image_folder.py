@@ -61,7 +61,7 @@ def test_bad_cameras(tmp_path, camera, message):
 
 
 def test_numbers_in_the_wrong_order_are_told(tmp_path):
-    with pytest.raises(DataError, match=r"outside of the image of .* pixels; the order is f,cx,cy"):
+    with pytest.raises(DataError, match=r"outside of the image.* pixels.*The order is f,cx,cy"):
         ImageFolder(make_folder(tmp_path), "900,20,900")
 
 

@@ -128,10 +128,33 @@ def test_frames_outside_the_sequence(tmp_path, k):
             read(k)
 
 
+OTHER_ROWS = [
+    "R0_rect: 1 0 0 0 1 0 0 0 1",
+    "R_rect_00: 1 0 0 0 1 0 0 0 1",
+    "R_rect 1 0 0 0 1 0 0 0 1",  # of the tracking benchmark, without a colon
+    "Tr_velo_cam 1 0 0 0 0 1 0 0 0 0 1 0",
+    "Tr_velo_to_cam: 1 0 0 0 0 1 0 0 0 0 1 0",
+    "Tr: 1 0 0 0 0 1 0 0 0 0 1 0",
+    "calib_time: 09-Jan-2012 13:57:47",
+]
+
+
+def test_rows_of_other_benchmarks_are_passed_over(tmp_path):
+    """They turn laser points and raw images; the images here are rectified."""
+    plain = KittiOdometry(make_sequence(tmp_path / "a"))
+    other = KittiOdometry(make_sequence(tmp_path / "b", calibration="\n".join([P0, *OTHER_ROWS, P2])))
+    assert other.camera == plain.camera
+
+
 @pytest.mark.parametrize(
     ("calibration", "message"),
     [
         ("", "empty"),
+        ("R0_rect: 1 0 0 0 1 0 0 0 1", "no row P0.*rows: none of a camera"),
+        (P0 + "\nR0_rect:", "line 2: not a KITTI calibration row"),
+        (P0 + "\n" + P0, "line 2: P0 stands there twice"),
+        (P0.replace("50 0 20", "50 0.3 20"), "row P0: not the projection matrix.*a skew of 0.3"),
+        (P0.replace("20", "30").replace("15", "20"), "far from the middle"),  # of images of another size
         ("hello world", "line 1: not a KITTI calibration row"),
         (P0 + "\nP1: 1 2 3", "line 2: not a KITTI calibration row"),
         (P0.replace("50", "x", 1), "line 1: 'x' is not a finite number"),

@@ -66,7 +66,8 @@ def test_seven_scenes(tmp_path, suffix):
 
 def test_seven_scenes_camera_is_its_own_unless_told(tmp_path):
     folder = make_seven_scenes(tmp_path)
-    assert SevenScenes(folder).camera == Pinhole(WIDTH, HEIGHT, 585, 585, 320, 240)
+    with pytest.raises(DataError, match="made for images of 640 x 480 pixels, these are 40 x 30"):
+        _ = SevenScenes(folder).camera
     (folder / "camera-intrinsics.txt").write_text("50 0 20\n0 51 15\n0 0 1\n")
     assert SevenScenes(folder).camera == Pinhole(WIDTH, HEIGHT, 50, 51, 20, 15)
     for text in ("50 1 20\n0 51 15\n0 0 1\n", "50 0 20\n0 51 15\n", "50 0\n"):
@@ -135,9 +136,12 @@ RGB_TIMES = 1e9 + np.array([0, 0.033, 0.066, 0.1, 0.133])
 DEPTH_TIMES = 1e9 + np.array([0.002, 0.035, 0.105, 0.1345])
 
 
-def make_tum(root, name="rgbd_dataset_freiburg3_x"):
+def make_tum(root, name="rgbd_dataset_freiburg3_x", calibration="50 50 20 15\n"):
     """Five images; the third is too far from any depth, the first and second share a pose's neighbourhood."""
     folder = root / name
+    folder.mkdir(parents=True, exist_ok=True)
+    if calibration is not None:
+        (folder / "calibration.txt").write_text(calibration)
     lines = ["# color images", "# timestamp filename"]
     for k, t in enumerate(RGB_TIMES):
         save(folder / f"rgb/{t:.6f}.png", picture(k))
@@ -169,11 +173,28 @@ def test_tum_rgbd(tmp_path):
 
 
 def test_tum_cameras(tmp_path):
-    assert TumRgbd(make_tum(tmp_path)).camera == Pinhole(WIDTH, HEIGHT, 535.4, 539.2, 320.1, 247.6)
-    other = TumRgbd(make_tum(tmp_path, "rgbd_dataset_freiburg1_x"))
-    assert other.camera == Pinhole(WIDTH, HEIGHT, 525, 525, 319.5, 239.5)
-    told = TumRgbd(make_tum(tmp_path / "again"), camera=(50, 51, 20, 15))
-    assert told.camera == Pinhole(WIDTH, HEIGHT, 50, 51, 20, 15)
+    """The one told, else that of calibration.txt, else one of the benchmark's three, else none."""
+    folder = make_tum(tmp_path)
+    assert TumRgbd(folder, camera=(50, 51, 20, 15)).camera == Pinhole(WIDTH, HEIGHT, 50, 51, 20, 15)
+    assert TumRgbd(folder).camera == Pinhole(WIDTH, HEIGHT, 50, 50, 20, 15)
+    for name, fx, k1 in [
+        ("freiburg1", 517.3, 0.2624),
+        ("freiburg2", 520.9, 0.2312),
+        ("freiburg3", 535.4, None),
+    ]:
+        folder = make_tum(tmp_path / name, f"rgbd_dataset_{name}_x", calibration=None)
+        lens = TumRgbd(folder).lens
+        assert (lens.fx, lens.size, lens.distorts) == (fx, (640, 480), k1 is not None)
+        assert (lens.model.coefficients or (None,))[0] == k1
+        assert lens.pinhole((480, 640)).fx == fx
+        with pytest.raises(DataError, match="made for images of 640 x 480 pixels, these are 40 x 30"):
+            _ = TumRgbd(folder).camera
+    other = open_sequence(make_tum(tmp_path, "rgbd_bonn_balloon", calibration=None))
+    assert other.image(0).shape == (HEIGHT, WIDTH)
+    with pytest.raises(MissingFieldError, match="rgbd_bonn_balloon: this data set has no camera"):
+        other.flow(0)
+    with pytest.raises(DataError, match=r"calibration\.txt: not a mapping of names to values"):
+        TumRgbd(make_tum(tmp_path, calibration="50 50 20\n"))
 
 
 def test_tum_without_depth_or_poses_keeps_all_images(tmp_path):

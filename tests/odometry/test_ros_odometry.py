@@ -6,7 +6,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.datasets import open_sequence
-from flowlik.errors import DataError, MissingExtraError
+from flowlik.datasets.lens_models import KannalaBrandt
+from flowlik.errors import DataError, MissingExtraError, MissingFieldError
 from flowlik.geometry.trajectory import Trajectory, chain
 from flowlik.odometry.ros_odometry import R_LINK_OPTICAL, read_odometry_bag, ros_pose, write_odometry_bag
 from flowlik.odometry.trajectory_covariance import trajectory_covariance
@@ -26,7 +27,7 @@ def grey(k):
 
 
 def write_bag(path, encoding="bgr8", topics=("/cam/image_raw",), info=True, plugin="MCAP", damage=None):
-    """A bag of four colour images a topic, as a camera driver leaves it."""
+    """A bag of four colour images a topic, as a camera driver leaves it; `info` may change its camera."""
     rosbag2 = pytest.importorskip("rosbags.rosbag2")
     typesys = pytest.importorskip("rosbags.typesys")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
@@ -61,6 +62,8 @@ def write_bag(path, encoding="bgr8", topics=("/cam/image_raw",), info=True, plug
             message = kinds[kind](
                 header(0), H, W, "plumb_bob", np.array([-0.1, 0, 0, 0, 0.0]), K, R, P, 0, 0, roi
             )
+            for name, value in ({} if info is True else info).items():
+                setattr(message, name, np.array(value, float) if isinstance(value, list) else value)
             connection = writer.add_connection("/cam/camera_info", kind, typestore=store)
             writer.write(connection, 10**9 * 200, store.serialize_cdr(message, kind))
     return path
@@ -93,6 +96,37 @@ def test_a_rectified_topic_has_the_projection_matrix(tmp_path):
     sequence = open_sequence(write_bag(tmp_path / "bag", topics=("/cam/image_rect",)))
     assert (sequence.camera.fx, sequence.camera.cy) == (45.0, 22.0)
     np.testing.assert_array_equal(sequence.image(1), grey(1))
+
+
+@pytest.mark.parametrize(
+    ("info", "message"),
+    [
+        ({"distortion_model": "fov"}, "distortion model 'fov' is not known, known are none, plumb_bob"),
+        ({"distortion_model": ""}, "distortion coefficients, but no distortion model"),
+        ({"distortion_model": "equidistant", "d": []}, "0 distortion coefficients, expected 4"),
+        ({"d": [0.1, 0.2]}, "2 distortion coefficients, expected 0, 4, 5, 8, 12, 14"),
+        ({"k": [50, 0.31, 31, 0, 51, 23, 0, 0, 1]}, "a skew of 0.31: only cameras without skew are read"),
+        ({"width": W // 2}, "made for images of 32 x 48 pixels, these are 64 x 48"),
+        ({"k": [50, 0, 64, 0, 51, 46, 0, 0, 1]}, "outside of the image"),
+    ],
+)
+def test_a_camera_that_is_not_known_is_refused(tmp_path, info, message):
+    """As a camera file is: one place decides."""
+    with pytest.raises(DataError, match=message):
+        open_sequence(write_bag(tmp_path / "bag", info=info))
+
+
+def test_cameras_of_a_bag(tmp_path):
+    fisheye = {"distortion_model": "equidistant", "d": [0.05, -0.01, 0.002, -0.0005, 0.0]}
+    sequence = open_sequence(write_bag(tmp_path / "fisheye", info=fisheye))
+    assert sequence.lens.model == KannalaBrandt((0.05, -0.01, 0.002, -0.0005))
+    plain = open_sequence(write_bag(tmp_path / "plain", info={"distortion_model": "", "d": [0.0] * 5}))
+    np.testing.assert_array_equal(plain.image(1), grey(1))
+    with pytest.raises(MissingFieldError, match="no camera"):
+        _ = open_sequence(write_bag(tmp_path / "never", info={"k": [0.0] * 9})).camera
+    # "direct" is no rectified topic
+    other = open_sequence(write_bag(tmp_path / "direct", topics=("/cam/direct",)))
+    assert (other.camera.fx, other.lens.distorts) == (50.0, True)
 
 
 def test_topics(tmp_path):

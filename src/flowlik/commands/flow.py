@@ -12,8 +12,7 @@ from flowlik.commands.options import FlowOptions
 from flowlik.datasets.base import read_grey
 from flowlik.datasets.flow_files import read_flow, write_flo, write_kitti_flow
 from flowlik.datasets.flow_png import MOST_PX
-from flowlik.datasets.intrinsics import CameraLike, given_camera, read_if_file
-from flowlik.datasets.lens import Lens
+from flowlik.datasets.intrinsics import given_lens
 from flowlik.datasets.uncertainty_file import write_uncertainty
 from flowlik.errors import DataError
 from flowlik.evaluation.likelihood import outside_warning
@@ -67,8 +66,7 @@ def flow(
     """
     likelihood = load_likelihood(model)
     chosen = coded(confirmed_method(likelihood.method or {}, options.method), options.flow_png)
-    lens = None if options.camera is None else read_if_file(options.camera)
-    image, following = (_undistorted(read_grey(path), lens) for path in (previous, current))
+    image, following = (_undistorted(read_grey(path), options.camera) for path in (previous, current))
     signals = likelihood.signals
     m = measure(image, following, chosen, likelihood.texture, signals=signals)
     if not len(m):
@@ -113,11 +111,8 @@ def _write(
     write_kitti_flow(run.path / "flow.png", np.where(np.expand_dims(beyond, -1), np.nan, flow))
 
 
-def _undistorted(image: Image, lens: CameraLike | None) -> Image:
-    if lens is None:
-        return image
-    given_camera(lens, image.shape)  # refuses what is no camera of these images
-    return lens.undistort(image) if isinstance(lens, Lens) else image
+def _undistorted(image: Image, camera: str | None) -> Image:
+    return image if camera is None else given_lens(camera, image.shape).undistort(image)
 
 
 def _read_truth(path: Path, png: str | None, shape: tuple[int, ...]) -> Array:

@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flowlik.datasets import layouts
-from flowlik.datasets.base import ImageSequence, frame_pairs
+from flowlik.datasets.base import ImageSequence, frame_pairs, mask_of
+from flowlik.datasets.camera_file import read_camera
+from flowlik.datasets.lens import Lens
 from flowlik.datasets.selection import select_frames
 from flowlik.datasets.uncertainty_file import read_uncertainty
 from flowlik.errors import DataError
@@ -20,9 +22,12 @@ if TYPE_CHECKING:
 __all__ = [
     "FORMATS",
     "ImageSequence",
+    "Lens",
     "frame_pairs",
     "guess_format",
+    "mask_of",
     "open_sequence",
+    "read_camera",
     "read_uncertainty",
     "select_frames",
 ]
@@ -129,11 +134,9 @@ def _open_video(path: Path, **options: Any) -> ImageSequence:
 
 
 def _open_ros(path: Path, **options: Any) -> ImageSequence:
-    from flowlik.datasets.lens import Undistorted
     from flowlik.datasets.ros_bag import RosBag
 
-    bag = RosBag(path, **options)
-    return Undistorted(bag, bag.lens) if bag.lens is not None and bag.lens.distorts else bag
+    return RosBag(path, **options)
 
 
 _BOTH = ("camera", "frames_per_second")
@@ -232,11 +235,10 @@ def open_sequence(
             raise DataError(f"{path}: format {name} has its own {option}, only {takers} take one")
     if lenient and "lenient" in FORMATS[name].options:
         given["lenient"] = True
-    if camera is None:
-        return FORMATS[name].open(Path(path), **given)
-    from flowlik.datasets.intrinsics import read_if_file
-    from flowlik.datasets.lens import Lens, Undistorted
-
-    given["camera"] = lens = read_if_file(camera)
     sequence = FORMATS[name].open(Path(path), **given)
-    return Undistorted(sequence, lens) if isinstance(lens, Lens) and lens.distorts else sequence
+    lens = getattr(sequence, "lens", None)
+    if lens is None or not lens.distorts:
+        return sequence
+    from flowlik.datasets.undistorted import Undistorted
+
+    return Undistorted(sequence, lens)

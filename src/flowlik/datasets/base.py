@@ -31,7 +31,8 @@ class ImageSequence(Protocol):
 
     What a data set lacks (poses, depth, ...) is not guessed: the method raises one DataError that
     names data set and field. ``name`` identifies the sequence in results. A reader that had to choose how it
-    takes its files says so in ``notes``, see `notes_of`.
+    takes its files says so in ``notes``, see `notes_of`. Not every pixel need be usable: a sequence may have
+    a method ``mask(k)``, which `mask_of` asks.
     """
 
     name: str
@@ -69,6 +70,12 @@ class ImageSequence(Protocol):
         ...
 
 
+def mask_of(sequence: ImageSequence, k: int) -> NDArray[np.bool_] | None:
+    """Usable pixels (H, W) of frame k, or None if all are: what lies beyond a lens or under a mask is not."""
+    mask = getattr(sequence, "mask", None)
+    return None if mask is None else mask(k)
+
+
 class PairSequence:
     """Base of data sets of isolated image pairs: frames 2i and 2i + 1 are a pair, and no others are.
 
@@ -76,14 +83,17 @@ class PairSequence:
     of different pairs may differ in size. Walk over `frame_pairs` and both kinds are served.
     """
 
+    isolated_pairs = True
+
 
 def frame_pairs(sequence: ImageSequence | PairSequence) -> range:
     """First frames k of the image pairs (k, k + 1) of a sequence.
 
-    Every frame but the last begins one, or in a `PairSequence` every second frame.
+    Every frame but the last begins one, or in a `PairSequence`, wrapped or not, every second frame.
     """
     frames = len(cast(ImageSequence, sequence))
-    return range(0, frames - 1, 2) if isinstance(sequence, PairSequence) else range(max(frames - 1, 0))
+    isolated = getattr(sequence, "isolated_pairs", False)
+    return range(0, frames - 1, 2) if isolated else range(max(frames - 1, 0))
 
 
 def lacks(name: str, field: str) -> MissingFieldError:

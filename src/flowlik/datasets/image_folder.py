@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flowlik.datasets.base import frame_index
 from flowlik.datasets.frames import FrameFiles
-from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_camera
+from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_lens
 from flowlik.datasets.layouts import IMAGE_SUFFIXES
 from flowlik.datasets.naming import in_order, last_number
 from flowlik.datasets.numbering import Numbered
@@ -64,7 +64,7 @@ class ImageFolder(GivenCamera, FrameFiles):
         if not files:
             raise DataError(f"{folder}: no images (files ending in {', '.join(sorted(IMAGE_SUFFIXES))})")
         super().__init__(f"image-folder/{printable(folder.resolve().name)}", files, lenient)
-        self._camera = None if camera is None else given_camera(camera, self.shape)
+        self.lens = None if camera is None else given_lens(camera, self.shape)
         self.frames_per_second = check_rate(1.0 if frames_per_second is None else frames_per_second)
         path = folder / "times.txt"
         self._times_s = _times(path, files, lenient) if path.is_file() else None

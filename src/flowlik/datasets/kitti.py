@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.datasets.base import frame_index, lacks, read_grey
+from flowlik.datasets.camera_model import matrix_lens
+from flowlik.datasets.camera_text import read_projection
 from flowlik.datasets.frames import Lacking, first_readable
 from flowlik.datasets.numbering import Numbered, numbered
 from flowlik.errors import DataError
@@ -18,7 +20,7 @@ from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.pose_table import read_pose_table
 from flowlik.geometry.times import read_times
 from flowlik.geometry.trajectory import FRAME_RATE, KITTI_COLUMNS
-from flowlik.support.files import numbers, printable, read_text
+from flowlik.support.files import printable
 
 IMAGE_FOLDERS = {"image_0": "P0", "image_2": "P2"}
 """Image folders in the order of preference, each with the row of ``calib.txt`` of its camera."""
@@ -97,8 +99,8 @@ class KittiOdometry(Lacking):
         self._frames = numbered_images(self.folder / images, lenient)
         self._files = self._frames.files
         K, self._t_c_0 = read_calibration(self.folder / "calib.txt", IMAGE_FOLDERS[images])
-        _, (height, width) = first_readable(self._files, lenient)
-        self._camera = Pinhole(width, height, *map(float, (K[0, 0], K[1, 1], K[0, 2], K[1, 2])))
+        _, shape = first_readable(self._files, lenient)
+        self._camera = matrix_lens(K, str(self.folder / "calib.txt")).pinhole(shape)
         self._timestamps, self.times_source = self._read_times(lenient)
 
     @property
@@ -220,30 +222,8 @@ def read_calibration(path: Path | str, row: str) -> tuple[NDArray[np.float64], N
     DataError
         If the file is missing or not a calibration file, or has no such row.
     """
-    rows = dict(_calibration_rows(path))
-    if row not in rows:
-        raise DataError(f"{path}: no row {row}, the camera of the images here (rows: {', '.join(rows)})")
-    P = np.array(rows[row]).reshape(3, 4)
-    K = P[:, :3]
-    is_pinhole = K[0, 0] > 0 and K[1, 1] > 0 and not np.any([K[0, 1], K[1, 0], *K[2, :2]]) and K[2, 2] == 1
-    if not is_pinhole:
-        raise DataError(f"{path}, row {row}: not the projection matrix of a camera without skew")
-    return K, np.linalg.solve(K, P[:, 3])
-
-
-def _calibration_rows(path: Path | str) -> list[tuple[str, list[float]]]:
-    rows = []
-    for number, line in enumerate(read_text(path).splitlines(), start=1):
-        if not line.strip():
-            continue
-        name, colon, values = line.partition(":")
-        words = values.split()
-        if not colon or len(words) != 12:
-            raise DataError(f"{path}, line {number}: not a KITTI calibration row ('P0:' and 12 numbers)")
-        rows.append((name.strip(), numbers(words, f"{path}, line {number}")))
-    if not rows:
-        raise DataError(f"{path}: empty, but expected KITTI calibration rows ('P0:' and 12 numbers)")
-    return rows
+    P = read_projection(path, row)
+    return P[:, :3], np.asarray(np.linalg.solve(P[:, :3], P[:, 3]), dtype=np.float64)
 
 
 def images_in(folder: Path, names: Iterable[str], kind: str) -> str:

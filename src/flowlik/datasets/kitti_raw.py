@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.datasets.base import frame_index, lacks, read_grey
+from flowlik.datasets.camera_model import matrix_lens
 from flowlik.datasets.frames import Lacking, first_readable
 from flowlik.datasets.kitti import images_in, numbered_images
 from flowlik.errors import DataError
@@ -64,8 +65,8 @@ class KittiRaw(Lacking):
         self._frames = numbered_images(self.folder / images, lenient)
         self._files = self._frames.files
         self._P = self._calibration("calib_cam_to_cam.txt", f"P_rect_{self._number}", 12).reshape(3, 4)
-        _, (height, width) = first_readable(self._files, lenient)
-        self._camera = Pinhole(width, height, *map(float, self._P[[0, 1, 0, 1], [0, 1, 2, 2]]))
+        _, shape = first_readable(self._files, lenient)
+        self._camera = matrix_lens(self._P, f"{self.folder}, P_rect_{self._number}").pinhole(shape)
         self._timestamps = self._read_times((self.folder / images).parent / "timestamps.txt", lenient)
 
     @property

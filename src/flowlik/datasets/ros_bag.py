@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.datasets.base import MAX_PIXELS, decode_bytes, frame_index, of_size
+from flowlik.datasets.camera_model import matrix_lens
 from flowlik.datasets.frames import Lacking
-from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_camera
+from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_lens
 from flowlik.datasets.lens import Lens
 from flowlik.errors import DataError, FlowlikError
 from flowlik.geometry.times import check_times
@@ -23,7 +25,6 @@ from flowlik.support.files import printable
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
-FISHEYE = ("equidistant", "fisheye")
 
 TO_GREY: dict[str, tuple[int, int | None]] = {
     "mono8": (1, None),
@@ -64,7 +65,7 @@ class RosBag(GivenCamera, Lacking):
     Attributes
     ----------
     lens : Lens or None
-        What ``camera_info`` says, unless a camera is given.
+        The camera given, else what ``camera_info`` says.
 
     Raises
     ------
@@ -87,9 +88,9 @@ class RosBag(GivenCamera, Lacking):
         self.name = f"ros/{printable(self.path.stem)}{self.topic.replace('/', '-')}"
         self.shape: tuple[int, ...] = self._read(0).shape
         if camera is not None:
-            self._camera = given_camera(camera, self.shape)
+            self.lens = given_lens(camera, self.shape)
         elif self.lens is not None:
-            self._camera = self.lens.pinhole(self.shape)
+            self.lens.pinhole(self.shape)  # refuses what is no camera of these images
 
     def __len__(self) -> int:
         """Return the number of images."""
@@ -250,18 +251,11 @@ def _camera_info(path: Path, reader: Any, topic: str) -> Lens | None:
     if first is None:
         return None
     info = reader.deserialize(first[2], CAMERA_INFO)
-    rectified = "rect" in parts[-1] and not parts[-1].startswith("unrect")
+    rectified = re.search(r"(?:^|[^A-Za-z])rect|Rect", parts[-1]) is not None
     # ROS 1 spells the fields in capitals
-    K, D, P = (getattr(info, n, getattr(info, n.upper(), ())) for n in "kdp")
-    matrix = np.asarray(P, np.float64).reshape(3, 4) if rectified else np.asarray(K, np.float64).reshape(3, 3)
-    fisheye = str(info.distortion_model).lower() in FISHEYE
-    coefficients = () if rectified else tuple(map(float, D))
-    if not rectified and fisheye and len(coefficients) != 4:
-        raise DataError(f"{path}: {len(coefficients)} coefficients of a fisheye in {name}, expected 4")
-    if len(coefficients) not in (0, 4, 5, 8, 12, 14):
-        raise DataError(f"{path}: {len(coefficients)} distortion coefficients in {name}")
-    size = (int(info.width), int(info.height))
-    fx, fy, cx, cy = (float(matrix[i, j]) for i, j in ((0, 0), (1, 1), (0, 2), (1, 2)))
-    if fx == 0:  # a camera that was never calibrated
+    K, D, P = (np.asarray(getattr(info, n, getattr(info, n.upper(), ())), np.float64) for n in "kdp")
+    matrix, model, D = (P, "none", D[:0]) if rectified else (K, str(info.distortion_model), D)
+    if not matrix.any():  # a camera that was never calibrated
         return None
-    return Lens(fx, fy, cx, cy, coefficients, fisheye and not rectified, size if all(size) else None)
+    size = (int(info.width), int(info.height))
+    return matrix_lens(matrix, f"{path}, {name}", model, D, size if all(size) else None)

@@ -9,16 +9,17 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.datasets.base import frame_index
+from flowlik.datasets.camera_model import matrix_lens
 from flowlik.datasets.frames import DepthFrames, read_depth
-from flowlik.datasets.intrinsics import CameraLike, given_camera
+from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_lens
+from flowlik.datasets.lens import Lens
 from flowlik.datasets.numbering import numbered
 from flowlik.datasets.poses import rigid_transform
 from flowlik.errors import DataError
-from flowlik.geometry.camera import Pinhole
 from flowlik.support.files import printable, read_table
 
-INTRINSICS = (585.0, 320.0, 240.0)
-"""Focal length and principal point [px] that the data set's authors give."""
+KINECT = Lens(585.0, 585.0, 320.0, 240.0, size=(640, 480))
+"""The camera that the data set's authors give."""
 
 FRAMES_PER_SECOND = 30.0
 """Nominal: the data set has no times."""
@@ -27,7 +28,7 @@ MM_PER_M = 1000
 UNKNOWN = (0, 65535)
 
 
-class SevenScenes(DepthFrames):
+class SevenScenes(GivenCamera, DepthFrames):
     """One sequence of 7-Scenes (Shotton et al. 2013), a `ImageSequence`.
 
     ``frame-NNNNNN.color.png`` (or ``.jpg``), ``.depth.png`` (millimetres, 0 and 65535 unknown) and
@@ -41,7 +42,8 @@ class SevenScenes(DepthFrames):
     folder : Path or str
         One sequence, e.g. ``chess/seq-01``.
     camera : Pinhole, str or sequence of float, optional
-        By default that of ``camera-intrinsics.txt`` (3 x 3) if there is one, else 585, 320, 240.
+        By default that of ``camera-intrinsics.txt`` (3 x 3) if there is one, else, of images of 640 x 480
+        pixels, 585, 320, 240.
     lenient : bool
         Images may be missing between others: they are told when they are chosen.
 
@@ -66,14 +68,10 @@ class SevenScenes(DepthFrames):
         parts = self.folder.resolve().parts
         scene = "-".join(parts[-2:]) if parts[-1].startswith("seq-") else parts[-1]
         super().__init__(f"seven-scenes/{printable(scene)}", frames.files, lenient)
-        if camera is None:
-            camera = _intrinsics(self.folder / "camera-intrinsics.txt")
-        self._camera = given_camera(camera, self.shape)
-
-    @property
-    def camera(self) -> Pinhole:
-        """The camera of every frame."""
-        return self._camera
+        if camera is not None:
+            self.lens = given_lens(camera, self.shape)
+        else:
+            self.lens = _intrinsics(self.folder / "camera-intrinsics.txt") or KINECT
 
     def timestamp(self, k: int) -> float:
         """Return the nominal time [s] of frame k.
@@ -114,10 +112,8 @@ class SevenScenes(DepthFrames):
         return self.folder / (name.partition(".color.")[0] + end)
 
 
-def _intrinsics(path: Path) -> CameraLike:
+def _intrinsics(path: Path) -> Lens | None:
     if not path.is_file():
-        return INTRINSICS
+        return None
     K, _ = read_table(path, 3, "3 numbers (a row of a 3 x 3 camera matrix)")
-    if K.shape != (3, 3) or K[0, 1] or K[1, 0] or not np.array_equal(K[2], [0, 0, 1]):
-        raise DataError(f"{path}: not a 3 x 3 camera matrix without skew")
-    return [K[0, 0], K[1, 1], K[0, 2], K[1, 2]]
+    return matrix_lens(K, str(path))

@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.datasets.base import frame_index, lacks
+from flowlik.datasets.camera_file import read_camera
 from flowlik.datasets.frames import DepthFrames, read_depth
-from flowlik.datasets.intrinsics import CameraLike, given_camera
+from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_lens
+from flowlik.datasets.lens import Lens
+from flowlik.datasets.lens_models import BrownConrady
 from flowlik.errors import DataError
-from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.times import check_times, mutual, nearest
 from flowlik.geometry.trajectory import read_tum
 from flowlik.support.files import numbers, printable, read_text
@@ -22,30 +24,35 @@ TOLERANCE_S = 0.02
 
 UNITS_PER_M = 5000
 
-INTRINSICS = (525.0, 525.0, 319.5, 239.5)
-"""fx, fy, cx, cy [px]: ROS's default, which the data set's authors advise for images as they are."""
+_SIZE = (640, 480)
+CAMERAS = {
+    "freiburg1": Lens(
+        517.3, 516.5, 318.6, 255.3, BrownConrady((0.2624, -0.9531, -0.0054, 0.0026, 1.1633)), _SIZE
+    ),
+    "freiburg2": Lens(
+        520.9, 521.0, 325.1, 249.7, BrownConrady((0.2312, -0.7849, -0.0033, -0.0001, 0.9172)), _SIZE
+    ),
+    "freiburg3": Lens(535.4, 539.2, 320.1, 247.6, size=_SIZE),
+}
+"""Colour cameras by what a sequence's name contains, as the benchmark gives them (RGB calibration)."""
 
-FREIBURG_3 = (535.4, 539.2, 320.1, 247.6)
-"""fx, fy, cx, cy [px] of the freiburg3 sequences, whose images are free of distortion."""
 
-
-class TumRgbd(DepthFrames):
+class TumRgbd(GivenCamera, DepthFrames):
     """One sequence of the TUM RGB-D benchmark (Sturm et al. 2012), a `ImageSequence`.
 
     ``rgb.txt`` and ``depth.txt`` list times and files, ``groundtruth.txt`` poses (``t x y z qx qy qz qw``). A
     frame is an image with the depth and the pose nearest in time, within 0.02 s; where either list is there,
     images without such a partner are left out (so neighbouring frames may be further apart than the camera's
     period: see `timestamp`), and a depth image serves one frame only. **The truth is soft**: depth and colour
-    are not taken at one instant, shutters roll, and the images of freiburg1 and freiburg2 have a lens
-    distortion that is not removed, as their authors advise, since depth is registered to them.
+    are not taken at one instant, and shutters roll.
 
     Parameters
     ----------
     folder : Path or str
         One sequence, e.g. ``rgbd_dataset_freiburg3_long_office_household``.
-    camera : Pinhole, str or sequence of float, optional
-        By default 535.4, 539.2, 320.1, 247.6 where the folder's name contains ``freiburg3``, else the
-        authors' advice for the others, 525, 525, 319.5, 239.5.
+    camera : Pinhole, Lens, str, Path or sequence of float, optional
+        By default that of a ``calibration.txt`` in the folder (``fx fy cx cy``, as ETH3D has it), else the
+        one of `CAMERAS` whose name the folder's contains. Other data sets of this layout have other cameras.
 
     Raises
     ------
@@ -79,13 +86,13 @@ class TumRgbd(DepthFrames):
             self._poses = trajectory.poses[pose_of[kept]]
         self._times = times[kept]
         super().__init__(f"tum-rgbd/{printable(scene)}", [files[i] for i in np.flatnonzero(kept)])
-        default = FREIBURG_3 if "freiburg3" in scene else INTRINSICS
-        self._camera = given_camera(default if camera is None else camera, self.shape)
-
-    @property
-    def camera(self) -> Pinhole:
-        """The camera of every frame."""
-        return self._camera
+        beside = self.folder / "calibration.txt"
+        if camera is None and beside.is_file():
+            camera = read_camera(beside)
+        if camera is not None:
+            self.lens = given_lens(camera, self.shape)
+        else:
+            self.lens = next((lens for name, lens in CAMERAS.items() if name in scene), None)
 
     def timestamp(self, k: int) -> float:
         """Return the time [s] of the image of frame k.

@@ -17,7 +17,7 @@ from flowlik.datasets._containers import AVI, ISO, MPEG_PROGRAM, container_of, i
 from flowlik.datasets.base import MAX_PIXELS, frame_index
 from flowlik.datasets.frames import Lacking
 from flowlik.datasets.image_folder import check_rate
-from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_camera
+from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_lens
 from flowlik.errors import DataError
 from flowlik.geometry.times import check_times
 from flowlik.support.files import printable
@@ -83,7 +83,7 @@ class Video(GivenCamera, Lacking):
         if first is None:
             raise DataError(f"{self.path}: no frame can be decoded (truncated, damaged or not a video)")
         self.shape: tuple[int, ...] = first.shape
-        self._camera = None if camera is None else given_camera(camera, first.shape)
+        self.lens = None if camera is None else given_lens(camera, first.shape)
 
     def __len__(self) -> int:
         """Return the number of frames that can be decoded."""
