@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from flowlik.cli import complete
+from flowlik.cli import _complete as complete
 from flowlik.cli.app import app
 from tests.cli.call import call, succeed
 

@@ -5,7 +5,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from flowlik.cli.options import Format
+from flowlik.cli._options import Format
 from flowlik.datasets import FORMATS, guess_format, open_sequence
 from flowlik.datasets.base import PairSequence, frame_pairs
 from flowlik.errors import DataError

@@ -5,16 +5,16 @@ from __future__ import annotations
 import typer
 
 from flowlik.cli import (
-    calibrate,
-    doctor,
-    drift,
-    evaluate,
-    flow,
-    models,
-    odometry,
-    report,
-    reproduce,
-    simulate,
+    _calibrate,
+    _doctor,
+    _drift,
+    _evaluate,
+    _flow,
+    _models,
+    _odometry,
+    _report,
+    _reproduce,
+    _simulate,
 )
 
 app = typer.Typer(
@@ -28,12 +28,23 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for module in (reproduce, simulate, calibrate, evaluate, flow, odometry, drift, models, report, doctor):
-    app.command(name=module.__name__.rsplit(".", 1)[-1])(module.run)
+for module in (
+    _reproduce,
+    _simulate,
+    _calibrate,
+    _evaluate,
+    _flow,
+    _odometry,
+    _drift,
+    _models,
+    _report,
+    _doctor,
+):
+    app.command(name=module.__name__.rsplit("._", 1)[-1])(module.run)
 
 
 @app.callback(invoke_without_command=True)
-def version(
+def _version(
     show: bool = typer.Option(
         False, "--version", help="Show versions of what matters, and exit.", is_eager=True
     ),

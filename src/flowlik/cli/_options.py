@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from flowlik.cli import complete
+from flowlik.cli import _complete as complete
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

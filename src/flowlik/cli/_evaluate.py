@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from flowlik.cli.options import (
+from flowlik.cli._options import (
     Camera,
     Executor,
     FlowPng,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from flowlik.cli.options import Json, Model, Out, command_line, show_run
+from flowlik.cli._options import Json, Model, Out, command_line, show_run
 
 
 def run(

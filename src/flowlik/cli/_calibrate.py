@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from flowlik.cli import complete
-from flowlik.cli.options import (
+from flowlik.cli import _complete as complete
+from flowlik.cli._options import (
     METHOD_HELP,
     Camera,
     Executor,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from flowlik.cli.options import Json, show_records
+from flowlik.cli._options import Json, show_records
 
 
 def run(

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from flowlik.cli.options import Json
+from flowlik.cli._options import Json
 
 
 def run(

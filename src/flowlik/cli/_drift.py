@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from flowlik.cli import complete
-from flowlik.cli.options import Json, show_records
+from flowlik.cli import _complete as complete
+from flowlik.cli._options import Json, show_records
 from flowlik.commands.options import DriftOptions
 
 

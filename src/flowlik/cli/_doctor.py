@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from flowlik.cli.options import Json, console
+from flowlik.cli._options import Json, console
 
 
 def run(json: Json = False) -> None:
