@@ -103,5 +103,5 @@ def test_a_configuration_makes_the_options_again(told):
 @pytest.mark.parametrize("kind", [*OPTIONS.values(), FlowOptions])
 def test_the_command_line_has_the_same_defaults(kind):
     command = kind.__name__.removesuffix("Options").lower()
-    given = signature(getattr(cli.app, command).run).parameters
+    given = signature(getattr(cli.app, f"_{command}").run).parameters
     assert {f.name: given[f.name].default for f in fields(kind)} == {f.name: f.default for f in fields(kind)}
