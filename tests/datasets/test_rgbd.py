@@ -4,7 +4,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.datasets import open_sequence
-from flowlik.datasets.base import frame_pairs
+from flowlik.datasets.base import frame_pairs, notes_of
 from flowlik.datasets.seven_scenes import SevenScenes
 from flowlik.datasets.tum_rgbd import TumRgbd
 from flowlik.errors import DataError, MissingFieldError
@@ -264,3 +264,25 @@ def test_nearest_is_what_a_search_over_all_finds():
         for j in taken:
             assert found[apart[:, j].argmin()] == j
     assert (nearest(np.arange(3.0), np.array([]), 1) == -1).all()
+
+
+def test_tum_lists_out_of_order_or_double_are_refused_or_sorted(tmp_path):
+    folder = make_tum(tmp_path)
+    expected = open_sequence(folder, camera=CAMERA)
+    for name in ("rgb.txt", "depth.txt", "groundtruth.txt"):
+        rows = (folder / name).read_text().splitlines()
+        data = [row for row in rows if not row.startswith("#")]
+        (folder / name).write_text("\n".join([data[1], data[0], *data[2:], data[-1]]) + "\n")
+        with pytest.raises(DataError, match=f"{name}: times must increase, but number 0 is"):
+            open_sequence(folder)
+        sequence = open_sequence(folder, camera=CAMERA, lenient=True)
+        assert len(sequence) == len(expected)
+        for k in range(len(expected)):
+            np.testing.assert_array_equal(sequence.image(k), expected.image(k))
+            np.testing.assert_array_equal(sequence.depth(k), expected.depth(k))
+            assert sequence.timestamp(k) == expected.timestamp(k)
+            np.testing.assert_array_equal(sequence.T_n_c(k).as_matrix(), expected.T_n_c(k).as_matrix())
+        notes = notes_of(sequence)
+        assert any(f"{name}: 1 rows left out, whose time another row has" in note for note in notes)
+        assert any("1 of 5 images have no depth or pose within 0.02 s, left out" in note for note in notes)
+        (folder / name).write_text("\n".join(rows) + "\n")

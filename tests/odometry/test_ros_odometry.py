@@ -208,7 +208,7 @@ def test_what_ros_reads_is_what_ros_means():
 
 def test_a_twist_is_the_motion_over_its_time(tmp_path):
     pytest.importorskip("rosbags")
-    from flowlik.datasets.ros_bag import opened
+    from flowlik.datasets.ros_topic import opened
 
     motions = steps(2)
     trajectory = Trajectory(np.arange(3) / 10, chain(m.T_k_prev for m in motions))

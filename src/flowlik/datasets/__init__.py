@@ -46,7 +46,7 @@ class Format:
     layout : str
         What is expected there, in words.
     options : tuple of str
-        Of ``camera``, ``frames_per_second``, ``lenient`` and ``topic``, those that the format takes.
+        Of ``camera``, ``frames_per_second``, ``lenient``, ``topic`` and ``depth_topic``, those that it takes.
     """
 
     open: Callable[..., ImageSequence]
@@ -155,9 +155,11 @@ FORMATS: dict[str, Format] = {
     "seven-scenes": Format(
         _open_seven_scenes, layouts.seven_scenes, "frame-NNNNNN.color.png", ("camera", "lenient")
     ),
-    "tum-rgbd": Format(_open_tum_rgbd, layouts.tum_rgbd, "rgb.txt with depth.txt", ("camera",)),
+    "tum-rgbd": Format(_open_tum_rgbd, layouts.tum_rgbd, "rgb.txt with depth.txt", ("camera", "lenient")),
     "euroc": Format(_open_euroc, layouts.euroc, "mav0/cam0"),
-    "ros": Format(_open_ros, layouts.ros, "a ROS bag or .mcap", ("camera", "topic")),
+    "ros": Format(
+        _open_ros, layouts.ros, "a ROS bag or .mcap", ("camera", "topic", "depth_topic", "lenient")
+    ),
     "video": Format(_open_video, layouts.video, "a file such as .mp4", (*_BOTH, "lenient")),
     "image-folder": Format(_open_image_folder, layouts.image_folder, "images", (*_BOTH, "lenient")),
 }
@@ -198,6 +200,7 @@ def open_sequence(
     frames_per_second: float | None = None,
     lenient: bool = False,
     topic: str | None = None,
+    depth_topic: str | None = None,
 ) -> ImageSequence:
     """Open the folder of a sequence, or a video file.
 
@@ -218,6 +221,8 @@ def open_sequence(
         what cannot be used.
     topic : str, optional
         Topic of the images of a ROS bag; needed where there are several.
+    depth_topic : str, optional
+        Topic of depth images of a ROS bag, registered to the images.
 
     Raises
     ------
@@ -227,7 +232,9 @@ def open_sequence(
     if format is not None and format not in FORMATS:
         raise DataError(f"unknown data set format {format!r}, known are {', '.join(FORMATS)}")
     name = format or guess_format(path)
-    options: dict[str, Any] = {"camera": camera, "frames_per_second": frames_per_second, "topic": topic}
+    options: dict[str, Any] = {
+        "camera": camera, "frames_per_second": frames_per_second, "topic": topic, "depth_topic": depth_topic,
+    }  # fmt: skip
     given = {option: value for option, value in options.items() if value is not None}
     for option in given:
         if option not in FORMATS[name].options:

@@ -4,54 +4,42 @@ from __future__ import annotations
 
 import re
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.datasets.base import MAX_PIXELS, decode_bytes, frame_index, of_size
+from flowlik.datasets.base import frame_index, lacks, of_size
 from flowlik.datasets.camera_model import matrix_lens
 from flowlik.datasets.frames import Lacking
 from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_lens
 from flowlik.datasets.lens import Lens
-from flowlik.errors import DataError, FlowlikError
-from flowlik.geometry.times import check_times
-from flowlik.support.extras import extra
+from flowlik.datasets.ros_images import COMPRESSED, IMAGE, largest_value, to_depth, to_grey
+from flowlik.datasets.ros_topic import TopicIndex, bag_reader, guarded, index_topic, opened
+from flowlik.errors import DataError
+from flowlik.geometry.times import check_times, mutual
+from flowlik.support.arrays import Array
 from flowlik.support.files import printable
 
-IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+KINDS = (IMAGE, COMPRESSED)
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
-TO_GREY: dict[str, tuple[int, int | None]] = {
-    "mono8": (1, None),
-    "8uc1": (1, None),
-    "bgr8": (3, cv2.COLOR_BGR2GRAY),
-    "8uc3": (3, cv2.COLOR_BGR2GRAY),
-    "rgb8": (3, cv2.COLOR_RGB2GRAY),
-    "bgra8": (4, cv2.COLOR_BGRA2GRAY),
-    "rgba8": (4, cv2.COLOR_RGBA2GRAY),
-    "yuv422_yuy2": (2, cv2.COLOR_YUV2GRAY_YUY2),
-    "yuyv": (2, cv2.COLOR_YUV2GRAY_YUY2),
-    "yuv422": (2, cv2.COLOR_YUV2GRAY_UYVY),
-    "uyvy": (2, cv2.COLOR_YUV2GRAY_UYVY),
-    "bayer_rggb8": (1, cv2.COLOR_BayerBG2GRAY),
-    "bayer_bggr8": (1, cv2.COLOR_BayerRG2GRAY),
-    "bayer_gbrg8": (1, cv2.COLOR_BayerGR2GRAY),
-    "bayer_grbg8": (1, cv2.COLOR_BayerGB2GRAY),
-}
-"""Bytes a pixel of each encoding, and OpenCV's conversion to grey."""
+DEPTH_TOLERANCE_S = 0.02
+"""Image and depth further apart in time are not of one frame."""
 
 
 class RosBag(GivenCamera, Lacking):
-    """Images of one topic of a ROS bag, a `ImageSequence` without truth.
+    """Images of one topic of a ROS bag, a `ImageSequence` without poses.
 
-    Times are those of the messages' headers; images are sorted by them. The camera is the one given, else
-    that of the ``camera_info`` beside the topic: of a topic named ``…rect…`` its projection matrix, else its
-    camera matrix and `lens`, whose distortion `flowlik.open_sequence` removes.
+    Times are those of the messages' headers; images are sorted by them. Where stamps are zero, or contradict
+    the order of receipt by more than a second, all times are those of receipt, and `notes` says so. The
+    camera is the one given, else that of the ``camera_info`` beside the topic: of a topic named ``…rect…``
+    its projection matrix, else its camera matrix and `lens`, whose distortion `flowlik.open_sequence`
+    removes.
+
+    Grey levels of 16 bits (mono16) become 8 bits by one shift for the whole bag: the upper eight of as many
+    bits as its largest value has.
 
     Parameters
     ----------
@@ -61,31 +49,57 @@ class RosBag(GivenCamera, Lacking):
         Camera of every image.
     topic : str, optional
         Topic of ``sensor_msgs/Image`` or ``CompressedImage``; needed where there are several.
+    depth_topic : str, optional
+        Topic of depth images, registered to the others: 16UC1 [mm] or 32FC1 [m]. A frame is then an image
+        with the depth nearest in time, within 0.02 s; images without are left out, and `notes` says how many.
+    lenient : bool
+        Times may be equal: such frames are told when they are chosen.
 
     Attributes
     ----------
     lens : Lens or None
         The camera given, else what ``camera_info`` says.
+    times_source : str
+        ``header`` or ``receipt``.
+    notes : tuple of str
+        What had to be chosen.
 
     Raises
     ------
     MissingExtraError
         If rosbags is not installed.
     DataError
-        If the bag cannot be read, or does not have one such topic.
+        If the bag cannot be read, does not have one such topic, or times do not increase.
     """
 
-    times_source = "header"
-
-    def __init__(self, path: Path | str, camera: CameraLike | None = None, topic: str | None = None) -> None:
+    def __init__(
+        self,
+        path: Path | str,
+        camera: CameraLike | None = None,
+        topic: str | None = None,
+        depth_topic: str | None = None,
+        lenient: bool = False,
+    ) -> None:
         self.path = Path(path)
         self._lock = threading.Lock()
         self._reader: Any = None
+        self._depths: TopicIndex | None = None
         with opened(self.path) as reader:
-            self.topic = _topic(self.path, reader, topic)
-            self._index(reader)
+            self.topic = _topic(self.path, reader, topic, depth_topic)
+            largest = [0]
+            self._images = index_topic(
+                reader, self.path, self.topic, KINDS, lambda m, where: largest.append(largest_value(m, where))
+            )
+            if depth_topic is not None:
+                self._depths = _index_depth(reader, self.path, depth_topic)
             self.lens = None if camera is not None else _camera_info(self.path, reader, self.topic)
         self.name = f"ros/{printable(self.path.stem)}{self.topic.replace('/', '-')}"
+        self._bits = max(8, max(largest).bit_length())
+        self.notes: tuple[str, ...] = ()
+        self._take_times(lenient)
+        if max(largest):
+            shift = f"the upper 8 of {self._bits} bits are read (value >> {self._bits - 8})"
+            self.notes += (f"{self.name}: grey levels of 16 bits reach {max(largest)}, so {shift}",)
         self.shape: tuple[int, ...] = self._read(0).shape
         if camera is not None:
             self.lens = given_lens(camera, self.shape)
@@ -107,7 +121,7 @@ class RosBag(GivenCamera, Lacking):
         return of_size(self._read(k), self.shape, self.path, "the first image")
 
     def timestamp(self, k: int) -> float:
-        """Return the time [s] in the header of frame k.
+        """Return the time [s] of frame k: in its header, or of its receipt.
 
         Raises
         ------
@@ -115,6 +129,25 @@ class RosBag(GivenCamera, Lacking):
             If there is no such frame.
         """
         return float(self._times[frame_index(self, k)])
+
+    def depth(self, k: int) -> Array:
+        """Depth (H, W) [m] along z nearest in time to frame k; NaN where unknown.
+
+        Raises
+        ------
+        MissingFieldError
+            If no topic of depth was given.
+        DataError
+            If there is no such frame, or its depth is unreadable or of another size than the images.
+        """
+        if self._depths is None:
+            raise lacks(self.name, "depth (give its topic by --depth-topic)")
+        which = int(self._depth_of[frame_index(self, k)])
+        where = f"{self.path}, {self._depths.topic}, message {which}"
+        with self._lock, guarded(self.path):
+            message, _ = self._depths.read(self._open(), which, where)
+            depth = to_depth(message, where)
+        return of_size(depth, self.shape, Path(where), "the image, to which depth must be registered,")
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the open bag behind: another process opens its own."""
@@ -124,115 +157,51 @@ class RosBag(GivenCamera, Lacking):
         """Take the rest over."""
         self.__dict__.update(state, _lock=threading.Lock())
 
-    def _index(self, reader: Any) -> None:
-        """Header times, and where in the bag each image is: time of writing, and which of those."""
-        found: list[tuple[float, int, int]] = []
-        last, same = None, 0
-        for connection, written, data in reader.messages(_connections(reader, self.topic)):
-            same = same + 1 if written == last else 0
-            last = written
-            stamp = reader.deserialize(data, connection.msgtype).header.stamp
-            found.append((stamp.sec + stamp.nanosec * 1e-9, written, same))
-        if not found:
-            raise DataError(f"{self.path}: no image on {self.topic}")
-        found.sort(key=lambda row: row[0])
-        self._times = np.array([row[0] for row in found])
-        check_times(self._times, f"{self.path}, {self.topic}")
-        self._places = [row[1:] for row in found]
+    def _take_times(self, lenient: bool) -> None:
+        """Order of the frames, their times, and which depth each has."""
+        why = self._images.untimely or (self._depths.untimely if self._depths is not None else "")
+        self.times_source = "receipt" if why else "header"
+        if why:
+            self.notes += (f"{self.name}: {why}, so that times are those of receipt",)
+        times_s, self._order = self._images.times_s(receipt=bool(why))
+        if self._depths is not None:
+            depth_s, order = self._depths.times_s(receipt=bool(why))
+            found = mutual(times_s, depth_s, DEPTH_TOLERANCE_S)
+            kept = found >= 0
+            if not kept.any():
+                within = f"within {DEPTH_TOLERANCE_S} s of an image"
+                raise DataError(f"{self.path}: no depth on {self._depths.topic} {within}")
+            if not kept.all():
+                left = f"{(~kept).sum()} of {len(kept)} images have no depth within {DEPTH_TOLERANCE_S} s"
+                self.notes += (f"{self.name}: {left} and are left out",)
+            times_s, self._order, self._depth_of = times_s[kept], self._order[kept], order[found[kept]]
+        self._times = times_s
+        if not lenient:
+            check_times(self._times, f"{self.path}, {self.topic}")
 
     def _open(self) -> Any:
         if self._reader is None:
-            self._reader = _reader(self.path)
+            self._reader = bag_reader(self.path)
             self._reader.open()
         return self._reader
 
     def _read(self, k: int) -> NDArray[np.uint8]:
-        written, same = self._places[frame_index(self, k)]
+        which = int(self._order[frame_index(self, k)])
         where = f"{self.path}, image {k}"
-        with self._lock, _guarded(self.path):
-            reader = self._open()
-            messages = reader.messages(_connections(reader, self.topic), start=written, stop=written + 1)
-            for number, (connection, _, data) in enumerate(messages):
-                if number == same:
-                    return to_grey(reader.deserialize(data, connection.msgtype), connection.msgtype, where)
-        raise DataError(f"{where}: gone from the bag")
+        with self._lock, guarded(self.path):
+            message, kind = self._images.read(self._open(), which, where)
+            return to_grey(message, kind, where, self._bits)
 
 
-def _reader(path: Path) -> Any:
-    highlevel = extra("rosbags.highlevel", "reading a ROS bag")
-    typesys = extra("rosbags.typesys", "reading a ROS bag")
-    if not path.exists():
-        raise DataError(f"{path}: no such bag")
-    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-    return highlevel.AnyReader([path], default_typestore=store)
+def _index_depth(reader: Any, path: Path, topic: str) -> TopicIndex:
+    found = sorted({c.topic for c in reader.connections if c.msgtype == IMAGE})
+    if topic not in found:
+        raise DataError(f"{path}: no images on {topic} to take as depth, but on {', '.join(found)}")
+    return index_topic(reader, path, topic, (IMAGE,), lambda message, where: None)
 
 
-@contextmanager
-def opened(path: Path) -> Iterator[Any]:
-    """Reader of a bag; whatever is wrong with the bag is one DataError.
-
-    Raises
-    ------
-    MissingExtraError
-        If rosbags is not installed.
-    DataError
-        If the bag is missing or cannot be read.
-    """
-    with _guarded(path), _reader(path) as reader:
-        yield reader
-
-
-@contextmanager
-def _guarded(path: Path) -> Iterator[None]:
-    """Turn what is wrong with a bag into one DataError."""
-    try:
-        yield
-    except FlowlikError:
-        raise
-    # damaged bags make rosbags, its parsers and the databases below fail in ways of their own
-    except Exception as error:
-        reason = " ".join(str(error).split())[:200] or type(error).__name__
-        raise DataError(f"{path}: not a readable ROS bag ({reason})") from error
-
-
-def to_grey(message: Any, kind: str, where: str) -> NDArray[np.uint8]:
-    """Grey image (H, W) of a message.
-
-    Raises
-    ------
-    DataError
-        If its encoding is not known, or it holds fewer bytes than its size needs.
-    """
-    if kind == COMPRESSED:
-        image = decode_bytes(bytes(message.data), where, cv2.IMREAD_ANYCOLOR)
-        grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-        return np.asarray(grey, dtype=np.uint8)
-    height, width, step = int(message.height), int(message.width), int(message.step)
-    if str(message.encoding).lower() not in TO_GREY:
-        known = ", ".join(TO_GREY)
-        raise DataError(f"{where}: encoding {str(message.encoding)!r} is not read, known are {known}")
-    channels, conversion = TO_GREY[str(message.encoding).lower()]
-    if not (0 < height * width <= MAX_PIXELS and width * channels <= step):
-        raise DataError(f"{where}: impossible size {width} x {height} with rows of {step} bytes")
-    if len(message.data) < height * step:
-        raise DataError(f"{where}: {len(message.data)} bytes, but {height} rows take {height * step}")
-    rows = np.frombuffer(message.data, np.uint8, height * step).reshape(height, step)
-    pixels = np.ascontiguousarray(rows[:, : width * channels].reshape(height, width, channels))
-    if channels == 1:
-        pixels = pixels[..., 0]
-    try:
-        grey = pixels if conversion is None else cv2.cvtColor(pixels, conversion)
-    except cv2.error as error:
-        raise DataError(f"{where}: no image of {width} x {height} pixels has that encoding") from error
-    return np.array(grey, dtype=np.uint8)
-
-
-def _connections(reader: Any, topic: str) -> list[Any]:
-    return [c for c in reader.connections if c.topic == topic and c.msgtype in (IMAGE, COMPRESSED)]
-
-
-def _topic(path: Path, reader: Any, asked: str | None) -> str:
-    found = sorted({c.topic for c in reader.connections if c.msgtype in (IMAGE, COMPRESSED)})
+def _topic(path: Path, reader: Any, asked: str | None, depth_topic: str | None) -> str:
+    found = sorted({c.topic for c in reader.connections if c.msgtype in KINDS and c.topic != depth_topic})
     if not found:
         raise DataError(f"{path}: no topic of images ({IMAGE} or {COMPRESSED})")
     if asked is not None and asked not in found:

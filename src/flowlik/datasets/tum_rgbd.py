@@ -15,8 +15,8 @@ from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_lens
 from flowlik.datasets.lens import Lens
 from flowlik.datasets.lens_models import BrownConrady
 from flowlik.errors import DataError
-from flowlik.geometry.times import check_times, mutual, nearest
-from flowlik.geometry.trajectory import read_tum
+from flowlik.geometry.pose_table import read_pose_table
+from flowlik.geometry.times import check_times, in_time_order, mutual, nearest
 from flowlik.support.files import numbers, printable, read_text
 
 TOLERANCE_S = 0.02
@@ -43,8 +43,8 @@ class TumRgbd(GivenCamera, DepthFrames):
     ``rgb.txt`` and ``depth.txt`` list times and files, ``groundtruth.txt`` poses (``t x y z qx qy qz qw``). A
     frame is an image with the depth and the pose nearest in time, within 0.02 s; where either list is there,
     images without such a partner are left out (so neighbouring frames may be further apart than the camera's
-    period: see `timestamp`), and a depth image serves one frame only. **The truth is soft**: depth and colour
-    are not taken at one instant, and shutters roll.
+    period: see `timestamp`), which `notes` counts, and a depth image serves one frame only. **The truth is
+    soft**: depth and colour are not taken at one instant, and shutters roll.
 
     Parameters
     ----------
@@ -53,6 +53,14 @@ class TumRgbd(GivenCamera, DepthFrames):
     camera : Pinhole, Lens, str, Path or sequence of float, optional
         By default that of a ``calibration.txt`` in the folder (``fx fy cx cy``, as ETH3D has it), else the
         one of `CAMERAS` whose name the folder's contains. Other data sets of this layout have other cameras.
+    lenient : bool
+        Rows of the lists may go back in time or be double: they are sorted, and of double ones the first is
+        kept, which `notes` counts.
+
+    Attributes
+    ----------
+    notes : tuple of str
+        What was left out.
 
     Raises
     ------
@@ -60,31 +68,37 @@ class TumRgbd(GivenCamera, DepthFrames):
         If a list is missing or malformed, or no image has its partners.
     """
 
-    def __init__(self, folder: Path | str, camera: CameraLike | None = None) -> None:
+    def __init__(self, folder: Path | str, camera: CameraLike | None = None, lenient: bool = False) -> None:
         self.folder = Path(folder)
         if not self.folder.is_dir():
             raise DataError(f"{self.folder}: no such folder")
         scene = self.folder.resolve().name
-        times, files = _read_list(self.folder / "rgb.txt")
+        self.notes: tuple[str, ...] = ()
+        times, files = self._read_list("rgb.txt", lenient)
         kept = np.ones(len(times), dtype=bool)
         self._depths: list[Path] | None = None
         self._poses: RigidTransform | None = None
         depth_list, truth = self.folder / "depth.txt", self.folder / "groundtruth.txt"
         if depth_list.is_file():
-            depth_times, depth_files = _read_list(depth_list)
+            depth_times, depth_files = self._read_list("depth.txt", lenient)
             depth_of = mutual(times, depth_times, TOLERANCE_S)
             kept &= depth_of >= 0
         if truth.is_file():
-            trajectory = read_tum(truth)
-            pose_of = nearest(times, trajectory.timestamps, TOLERANCE_S)
+            table = read_pose_table(truth, lenient, columns=(8,))
+            self._note_left_out("groundtruth.txt", table.left_out)
+            assert table.times_s is not None
+            pose_of = nearest(times, table.times_s, TOLERANCE_S)
             kept &= pose_of >= 0
         if not kept.any():
             raise DataError(f"{self.folder}: no image has depth and pose within {TOLERANCE_S} s")
         if depth_list.is_file():
             self._depths = [depth_files[i] for i in depth_of[kept]]
         if truth.is_file():
-            self._poses = trajectory.poses[pose_of[kept]]
+            self._poses = table.poses[pose_of[kept]]
         self._times = times[kept]
+        if not kept.all():
+            left = f"{(~kept).sum()} of {len(kept)} images"
+            self.notes += (f"{self.folder}: {left} have no depth or pose within {TOLERANCE_S} s, left out",)
         super().__init__(f"tum-rgbd/{printable(scene)}", [files[i] for i in np.flatnonzero(kept)])
         beside = self.folder / "calibration.txt"
         if camera is None and beside.is_file():
@@ -132,8 +146,23 @@ class TumRgbd(GivenCamera, DepthFrames):
             raise lacks(self.name, "depth (depth.txt)")
         return read_depth(self._depths[frame_index(self, k)], self.shape, UNITS_PER_M)
 
+    def _read_list(self, name: str, lenient: bool) -> tuple[NDArray[np.float64], list[Path]]:
+        """Times (N,) [s], increasing, and files of a list."""
+        path = self.folder / name
+        times, files = _read_rows(path)
+        if not lenient:
+            check_times(times, str(path))
+            return times, files
+        kept = in_time_order(times)
+        self._note_left_out(name, len(times) - len(kept))
+        return times[kept], [files[i] for i in kept]
 
-def _read_list(path: Path) -> tuple[NDArray[np.float64], list[Path]]:
+    def _note_left_out(self, name: str, rows: int) -> None:
+        if rows:
+            self.notes += (f"{self.folder / name}: {rows} rows left out, whose time another row has",)
+
+
+def _read_rows(path: Path) -> tuple[NDArray[np.float64], list[Path]]:
     """Times (N,) [s] and files of a list with rows ``timestamp filename``."""
     times, files = [], []
     for number, line in enumerate(read_text(path).splitlines(), start=1):
@@ -146,5 +175,4 @@ def _read_list(path: Path) -> tuple[NDArray[np.float64], list[Path]]:
         files.append(path.parent / words[1].strip())
     if not times:
         raise DataError(f"{path}: empty, but expected rows of a time [s] and a file name")
-    check_times(np.array(times), str(path))
     return np.array(times), files

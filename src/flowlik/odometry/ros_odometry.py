@@ -107,7 +107,7 @@ def read_odometry_bag(path: Path | str, topic: str = TOPIC) -> tuple[Trajectory,
     DataError
         If there is no such topic, or the bag cannot be read.
     """
-    from flowlik.datasets.ros_bag import opened
+    from flowlik.datasets.ros_topic import opened
 
     times, poses, covariances = [], [], []
     with opened(Path(path)) as reader:
