@@ -1,5 +1,7 @@
 """ROS bags: images in, odometry with covariance out."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -7,9 +9,17 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.datasets import open_sequence
 from flowlik.datasets.lens_models import KannalaBrandt
+from flowlik.egomotion import Status
 from flowlik.errors import DataError, MissingExtraError, MissingFieldError
 from flowlik.geometry.trajectory import Trajectory, chain
-from flowlik.odometry.ros_odometry import R_LINK_OPTICAL, read_odometry_bag, ros_pose, write_odometry_bag
+from flowlik.odometry.ros_odometry import (
+    R_LINK_OPTICAL,
+    bag_notes,
+    has_scale,
+    read_odometry_bag,
+    ros_pose,
+    write_odometry_bag,
+)
 from flowlik.odometry.trajectory_covariance import trajectory_covariance
 from flowlik.support.extras import extra
 from tests.odometry.test_trajectory_covariance import check_spread, sampled_poses, steps
@@ -215,7 +225,8 @@ def test_a_twist_is_the_motion_over_its_time(tmp_path):
     with opened(write_odometry_bag(tmp_path / "odometry", trajectory, motions)) as reader:
         messages = [reader.deserialize(data, c.msgtype) for c, _, data in reader.messages()]
     assert [m.child_frame_id for m in messages] == ["camera_link"] * 3
-    assert messages[0].twist.covariance[0] == -1
+    np.testing.assert_array_equal(np.reshape(messages[0].twist.covariance, (6, 6)), 1e6 * np.eye(6))
+    assert not any(vars_of(messages[0].twist.twist))
     linear, p = messages[2].twist.twist.linear, -10 * motions[1].T_k_prev.translation
     np.testing.assert_allclose([linear.x, linear.y, linear.z], [p[2], -p[0], -p[1]], atol=1e-9)
     C = motions[1].covariance
@@ -237,3 +248,82 @@ def test_without_the_extra_one_line_names_it(monkeypatch, tmp_path):
 
 def _refuse(name):
     raise ModuleNotFoundError(name)
+
+
+def vars_of(twist):
+    return [getattr(part, axis) for part in (twist.linear, twist.angular) for axis in "xyz"]
+
+
+def odometry_messages(path):
+    from flowlik.datasets.ros_topic import opened
+
+    with opened(path) as reader:
+        return [reader.deserialize(data, c.msgtype) for c, _, data in reader.messages()]
+
+
+def as_the_usual_filter_takes(covariance):
+    """Variances as robot_localization reads them: sizes, and at least 1e-9."""
+    return np.maximum(np.abs(np.reshape(covariance, (6, 6)).diagonal()), 1e-9)
+
+
+def unscaled_steps(count=6):
+    return [replace(m, scale_known=False) for m in steps(count)]
+
+
+def test_without_a_scale_no_pose_goes_out_in_metres(tmp_path):
+    pytest.importorskip("rosbags")
+    motions = unscaled_steps()
+    trajectory = Trajectory(np.arange(7) / 10, chain(m.T_k_prev for m in motions))
+    metric = odometry_messages(write_odometry_bag(tmp_path / "metric", trajectory, steps()))
+    for name, unscaled in (("turns", False), ("units", True)):
+        messages = odometry_messages(
+            write_odometry_bag(tmp_path / name, trajectory, motions, unscaled=unscaled)
+        )
+        for message, known in zip(messages, metric):
+            p, q = message.pose.pose.position, message.pose.pose.orientation
+            q_known = known.pose.pose.orientation
+            assert [q.x, q.y, q.z, q.w] == [q_known.x, q_known.y, q_known.z, q_known.w]
+            variances = as_the_usual_filter_takes(message.pose.covariance)
+            twist_variances = as_the_usual_filter_takes(message.twist.covariance)
+            expected = as_the_usual_filter_takes(known.pose.covariance)
+            np.testing.assert_array_equal(variances[3:], expected[3:])
+            assert vars_of(message.twist.twist)[3:] == vars_of(known.twist.twist)[3:]
+            if unscaled:
+                assert [p.x, p.y, p.z] == [getattr(known.pose.pose.position, axis) for axis in "xyz"]
+                np.testing.assert_array_equal(variances, expected)
+            else:
+                assert [p.x, p.y, p.z] == vars_of(message.twist.twist)[:3] == [0, 0, 0]
+                assert (variances[:3] == 1e6).all() and (twist_variances[:3] == 1e6).all()
+                covariance = np.reshape(message.pose.covariance, (6, 6))
+                assert not covariance[:3, 3:].any() and not covariance[3:, :3].any()
+    read, covariance = read_odometry_bag(tmp_path / "turns")
+    np.testing.assert_allclose(
+        read.poses.rotation.as_matrix(), trajectory.poses.rotation.as_matrix(), atol=1e-12
+    )
+    assert np.isnan(covariance[1:, 3:]).all() and np.isfinite(covariance[1:, :3, :3]).all()
+    assert "no scale, so that only turns are told" in bag_notes(motions)[0]
+    assert "in steps of length 1, not in metres" in bag_notes(motions, unscaled=True)[0]
+    assert bag_notes(steps()) == []
+
+
+def test_a_covariance_that_is_not_determined_is_a_large_variance(tmp_path):
+    pytest.importorskip("rosbags")
+    motions = steps()
+    motions[2] = replace(motions[2], covariance=np.full((6, 6), np.nan))
+    trajectory = Trajectory(np.arange(7) / 10, chain(m.T_k_prev for m in motions))
+    messages = odometry_messages(write_odometry_bag(tmp_path / "bag", trajectory, motions))
+    for k, message in enumerate(messages):
+        pose, twist = map(as_the_usual_filter_takes, (message.pose.covariance, message.twist.covariance))
+        assert (pose == 1e6).all() == (k >= 3)
+        assert (twist == 1e6).all() == (k in (0, 3))
+        assert np.isfinite(message.pose.covariance).all()
+    (note,) = bag_notes(motions)
+    assert "not determined at frame 3, and poses are unknown from there (variance 1e6)" in note
+    _, covariance = read_odometry_bag(tmp_path / "bag")
+    assert [np.isnan(c).all() for c in covariance] == [k >= 3 for k in range(7)]
+
+
+def test_a_standstill_needs_no_scale():
+    still = replace(steps(1)[0], T_k_prev=RigidTransform.identity(), status=Status.STILL, scale_known=False)
+    assert has_scale([still, *steps(2)])
+    assert not has_scale([still, *unscaled_steps(1)])

@@ -73,6 +73,12 @@ def run(
     bag: Annotated[
         bool, typer.Option("--bag", help="Also write nav_msgs/Odometry as a ROS 2 bag (extra `ros`).")
     ] = False,
+    bag_unscaled: Annotated[
+        bool,
+        typer.Option(
+            "--bag-unscaled", help="With --bag, write positions though they have no scale: steps of length 1."
+        ),
+    ] = False,
     view: View = False,
     record: Recording = False,
     seed: Seed = 0,
@@ -110,6 +116,7 @@ def run(
         frames_per_second=frames_per_second,
         topic=topic,
         bag=bag,
+        bag_unscaled=bag_unscaled,
         view=view,
         record=record,
         seed=seed,

@@ -75,6 +75,8 @@ def odometry(
         raise DataError(f"unknown boresight {options.boresight!r}: known are none, causal")
     if options.bag:
         extra("rosbags", "--bag")
+    elif options.bag_unscaled:
+        raise DataError("--bag-unscaled says what --bag writes: give both")
     lenient = options.skip_bad_frames
     whole = open_sequence(
         data, options.format, options.camera, options.frames_per_second, lenient, options.topic
@@ -101,7 +103,7 @@ def odometry(
     motions = watched_by(viewer(options.view, record), run_odometry(sequence, robot, kind), sequence, robot)
     what = f"{options.estimator} on {sequence.name}, image pairs"
     flown = _flown(sequence, robot, truth, progress(motions, what, len(sequence) - 1))
-    _write_files(run.begin(), flown, options.bag)
+    _write_files(run.begin(), flown, options)
     report_odometry(run, flown, options, skipped)
     finish(run)
     return run
@@ -126,13 +128,14 @@ def _flown(
     return Flown(sequence, robot, truth, found, agreements, seconds)
 
 
-def _write_files(folder: Path, flown: Flown, bag: bool) -> None:
+def _write_files(folder: Path, flown: Flown, options: OdometryOptions) -> None:
     estimated, frames = flown.estimated, flown.sequence.frames
     write_kitti(folder / "trajectory_kitti.txt", estimated)
     write_tum(folder / "trajectory_tum.txt", estimated)
     write_covariance(folder, estimated, flown.motions)
-    if bag:
-        write_odometry_bag(folder / "odometry_bag", estimated, flown.motions)
+    if options.bag:
+        bag = folder / "odometry_bag"
+        write_odometry_bag(bag, estimated, flown.motions, unscaled=options.bag_unscaled)
     write_frames(folder / "frames.csv", estimated, flown.motions, frames[1:])
     if flown.robot.intrinsics:
         write_intrinsics(folder / "intrinsics.csv", flown.robot.intrinsics, frames)

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.commands.options import OdometryOptions
+from flowlik.datasets.base import notes_of
 from flowlik.datasets.selection import Selection, Skipped
 from flowlik.egomotion import EgoMotion
 from flowlik.evaluation.likelihood import outside_warning
@@ -18,6 +19,7 @@ from flowlik.flow import describe, method_label
 from flowlik.geometry.trajectory import Trajectory
 from flowlik.measurement.features import features_of
 from flowlik.odometry.odometry import Odometry
+from flowlik.odometry.ros_odometry import bag_notes
 from flowlik.results.records import Record, protocol, select
 from flowlik.results.runs import RunFolder
 
@@ -77,11 +79,17 @@ def report_odometry(run: RunFolder, flown: Flown, options: OdometryOptions, skip
         run.warn(f"{name}: frame {bad.frame} skipped: {bad.reason}")
     if message := outside_warning(outside.value or 0.0, name):
         run.warn(message)
+    for note in [*notes_of(flown.sequence), *_bag_notes(flown, options)]:
+        run.warn(note)
     if predicted := sum(motion.predicted for motion in flown.motions):
         run.warn(
             f"{name}: {predicted} of {len(flown.motions)} frames could not be solved and were predicted "
             "from the motions before them; frames.csv says which and why"
         )
+
+
+def _bag_notes(flown: Flown, options: OdometryOptions) -> list[str]:
+    return bag_notes(flown.motions, options.bag_unscaled) if options.bag else []
 
 
 def _records(flown: Flown, options: OdometryOptions, scale: str) -> list[Record]:

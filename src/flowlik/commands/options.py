@@ -152,6 +152,8 @@ class OdometryOptions(Options):
         Topic of the images of a ROS bag.
     bag : bool
         Also write the trajectory as a ROS 2 bag, ``odometry_bag``.
+    bag_unscaled : bool
+        Write positions there though nothing gives their scale: steps of length 1, not metres.
     view, record : bool
         Show the run live in the rerun viewer; record it as ``view.rrd``.
     seed : int
@@ -176,6 +178,7 @@ class OdometryOptions(Options):
     frames_per_second: float | None = None
     topic: str | None = None
     bag: bool = False
+    bag_unscaled: bool = False
     view: bool = False
     record: bool = False
     seed: int = 0

@@ -25,8 +25,12 @@ from flowlik.support.extras import extra
 MESSAGE = "nav_msgs/msg/Odometry"
 TOPIC = "/flowlik/odometry"
 WORLD, CAMERA = "odom", "camera_link"
-UNKNOWN = -1.0
-"""First entry of a covariance that is not known, as in ROS's other messages."""
+UNKNOWN = 1e6
+"""Variance [m², rad², and per s²] of what is not known.
+
+The usual filter (robot_localization) takes the size of a -1, ROS's other mark, for a variance of 1, and a 0
+for 1e-9.
+"""
 
 R_LINK_OPTICAL = Rotation.from_matrix([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
 """Takes the camera's axes (x right, y down, z forward) to ROS's (x forward, y left, z up)."""
@@ -36,14 +40,20 @@ _SWAPPED = np.ix_([3, 4, 5, 0, 1, 2], [3, 4, 5, 0, 1, 2])
 
 
 def write_odometry_bag(
-    path: Path | str, trajectory: Trajectory, motions: Sequence[EgoMotion], topic: str = TOPIC
+    path: Path | str,
+    trajectory: Trajectory,
+    motions: Sequence[EgoMotion],
+    topic: str = TOPIC,
+    unscaled: bool = False,
 ) -> Path:
     """Write a trajectory as a ROS 2 bag (MCAP) of odometry messages with covariance.
 
     Axes are ROS's (REP 103): ``odom`` is the first camera's frame and ``camera_link`` the camera's, both
     turned to x forward, y left, z up. The pose's covariance is, as ROS has it, of x, y, z [m] and of turns
     about the *fixed* axes of ``odom`` [rad]. The twist is the mean velocity since the frame before, in
-    ``camera_link``, with its covariance. Where a covariance is not determined its first entry is -1.
+    ``camera_link``, with its covariance. What is not known has the variance `UNKNOWN`: the twist of the first
+    message, turns and places whose covariance is not determined, and, where a motion has no scale, all
+    positions and linear velocities, which are then 0, since they would not be in metres.
 
     Parameters
     ----------
@@ -55,6 +65,8 @@ def write_odometry_bag(
         Of every frame after the first, with their covariances.
     topic : str
         Topic of the messages.
+    unscaled : bool
+        Write positions and velocities though motions have no scale, each of length 1.
 
     Raises
     ------
@@ -68,7 +80,7 @@ def write_odometry_bag(
     path = Path(path)
     if path.exists() and not (path / "metadata.yaml").is_file():
         raise DataError(f"{path}: holds something other than a ROS 2 bag")
-    covariance = trajectory_covariance(trajectory.timestamps, motions)
+    told = _Told(trajectory, motions, unscaled or has_scale(motions))
     partial = path.with_name(f".{path.name}.{uuid4().hex}.part")
     try:
         partial.parent.mkdir(parents=True, exist_ok=True)
@@ -76,7 +88,7 @@ def write_odometry_bag(
         with rosbag2.Writer(partial, version=9, storage_plugin=plugin) as writer:
             connection = writer.add_connection(topic, MESSAGE, typestore=store)
             for k in range(len(trajectory)):
-                message = _message(store, trajectory, covariance, k)
+                message = _message(store, told, k)
                 stamp = round(float(trajectory.timestamps[k]) * 1e9)
                 writer.write(connection, stamp, store.serialize_cdr(message, MESSAGE))
         (partial / f"{partial.name}.mcap").rename(partial / f"{path.name}.mcap")
@@ -123,10 +135,11 @@ def read_odometry_bag(path: Path | str, topic: str = TOPIC) -> tuple[Trajectory,
             link = RigidTransform.from_rotation(R_LINK_OPTICAL)
             poses.append(link.inv() * T * link)
             fixed = np.reshape(message.pose.covariance, (6, 6))[_SWAPPED]
-            if fixed[3, 3] == UNKNOWN:
-                fixed = np.full((6, 6), np.nan)
+            unknown = fixed.diagonal() >= UNKNOWN
             turned = world_covariance(RigidTransform.from_rotation(T.rotation.inv()), fixed)
-            covariances.append(world_covariance(link.inv(), turned))
+            found = world_covariance(link.inv(), turned)
+            found[unknown] = found[:, unknown] = np.nan
+            covariances.append(found)
     return Trajectory(np.array(times), RigidTransform.concatenate(poses)), np.array(covariances)
 
 
@@ -150,10 +163,74 @@ def _typestore() -> Any:
     return typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
 
 
-def _message(store: Any, trajectory: Trajectory, covariance: TrajectoryCovariance, k: int) -> Any:
+class _Told:
+    """Poses and twists of a trajectory as messages tell them: of what is not known nothing."""
+
+    def __init__(self, trajectory: Trajectory, motions: Sequence[EgoMotion], metric: bool) -> None:
+        self.trajectory, self.metric = trajectory, metric
+        self.covariance = trajectory_covariance(trajectory.timestamps, motions)
+
+    def pose(self, k: int) -> tuple[Array, Array, Array]:
+        """Position (3,) [m], quaternion x y z w, and covariance (6, 6) of ``camera_link`` in ``odom``."""
+        pose, covariance = ros_pose(self.trajectory.poses[k], self.covariance.poses[k])
+        position, covariance = self._told(pose.translation, covariance)
+        return position, pose.rotation.as_quat(), covariance
+
+    def twist(self, k: int) -> tuple[Array, Array, Array]:
+        """Linear [m/s] and angular [rad/s] velocity (3,) in ``camera_link``, and their covariance (6, 6)."""
+        if k == 0:
+            return np.zeros(3), np.zeros(3), UNKNOWN * np.eye(6)
+        linear, angular, covariance = _twist(self.trajectory, self.covariance, k)
+        told, covariance = self._told(linear, covariance)
+        return told, angular, covariance
+
+    def _told(self, linear: Array, covariance: Array) -> tuple[Array, Array]:
+        if not self.metric:
+            linear, covariance = np.zeros(3), covariance.copy()
+            covariance[:3] = covariance[:, :3] = np.nan
+        return linear, with_unknown(covariance)
+
+
+def has_scale(motions: Sequence[EgoMotion]) -> bool:
+    """Whether all motions that go anywhere are in metres."""
+    return all(motion.scale_known or not np.any(motion.T_k_prev.translation) for motion in motions)
+
+
+def with_unknown(covariance: Array) -> Array:
+    """Covariance (6, 6) in ROS's order, in which a half that is not determined has the variance `UNKNOWN`."""
+    found = covariance.copy()
+    for half in (slice(0, 3), slice(3, 6)):
+        if not np.isfinite(covariance[half, half]).all():
+            found[half] = found[:, half] = 0.0
+            found[half, half] = UNKNOWN * np.eye(3)
+    return np.where(np.isfinite(found), found, 0.0)
+
+
+def bag_notes(motions: Sequence[EgoMotion], unscaled: bool = False) -> list[str]:
+    """What a user of the bag that `write_odometry_bag` writes should know of it, a sentence each."""
+    notes = []
+    unknown = "variance 1e6"
+    if not has_scale(motions) and not unscaled:
+        notes.append(
+            f"odometry_bag: no scale, so that only turns are told and positions are unknown ({unknown}); "
+            "--scale gives one, --bag-unscaled writes steps of length 1"
+        )
+    elif not has_scale(motions):
+        notes.append("odometry_bag: no scale, so that positions are in steps of length 1, not in metres")
+    lost = next((k for k, m in enumerate(motions, start=1) if not np.isfinite(m.covariance).all()), None)
+    if lost is not None:
+        notes.append(
+            f"odometry_bag: the covariance is not determined at frame {lost}, "
+            f"and poses are unknown from there ({unknown})"
+        )
+    return notes
+
+
+def _message(store: Any, told: _Told, k: int) -> Any:
     kinds = store.types
-    pose, pose_covariance = ros_pose(trajectory.poses[k], covariance.poses[k])
-    velocity, velocity_covariance = _twist(trajectory, covariance, k)
+    place, quaternion, pose_covariance = told.pose(k)
+    linear, angular, velocity_covariance = told.twist(k)
+    trajectory = told.trajectory
     stamp = round(float(trajectory.timestamps[k]) * 1e9)
 
     def kind(name: str, *values: Any) -> Any:
@@ -163,42 +240,31 @@ def _message(store: Any, trajectory: Trajectory, covariance: TrajectoryCovarianc
     header = kind(
         "std_msgs/msg/Header", kind("builtin_interfaces/msg/Time", stamp // 10**9, stamp % 10**9), WORLD
     )
-    position = kind("geometry_msgs/msg/Point", *map(float, pose.translation))
-    orientation = kind("geometry_msgs/msg/Quaternion", *map(float, pose.rotation.as_quat()))
+    position = kind("geometry_msgs/msg/Point", *map(float, place))
+    orientation = kind("geometry_msgs/msg/Quaternion", *map(float, quaternion))
     where = kind(
         "geometry_msgs/msg/PoseWithCovariance",
         kind("geometry_msgs/msg/Pose", position, orientation),
-        _entries(pose_covariance),
+        np.ascontiguousarray(pose_covariance).ravel(),
     )
     twist = kind(
         "geometry_msgs/msg/TwistWithCovariance",
         kind(
             "geometry_msgs/msg/Twist",
-            kind(vector, *map(float, velocity[:3])),
-            kind(vector, *map(float, velocity[3:])),
+            kind(vector, *map(float, linear)),
+            kind(vector, *map(float, angular)),
         ),
-        _entries(velocity_covariance),
+        np.ascontiguousarray(velocity_covariance).ravel(),
     )
     return kind(MESSAGE, header, CAMERA, where, twist)
 
 
-def _twist(trajectory: Trajectory, covariance: TrajectoryCovariance, k: int) -> tuple[Array, Array]:
-    """Linear [m/s] and angular [rad/s] velocity (6,) in ``camera_link``, and its covariance."""
-    if k == 0:
-        return np.zeros(6), np.full((6, 6), np.nan)
+def _twist(trajectory: Trajectory, covariance: TrajectoryCovariance, k: int) -> tuple[Array, Array, Array]:
+    """Linear [m/s] and angular [rad/s] velocity (3,) in ``camera_link``, and their covariance (6, 6)."""
     seconds = trajectory.timestamps[k] - trajectory.timestamps[k - 1]
     # the move T_k-1_k, seen from the camera of frame k: that of inv(T_k_prev), to first order the negative
     T_k_prev = trajectory.poses[k].inv() * trajectory.poses[k - 1]
     linear = R_LINK_OPTICAL.apply(-T_k_prev.translation)
     angular = R_LINK_OPTICAL.apply(-T_k_prev.rotation.as_rotvec())
     turned = world_covariance(RigidTransform.from_rotation(R_LINK_OPTICAL), covariance.motions[k])
-    ordered = turned[_SWAPPED]
-    return np.concatenate([linear, angular]) / seconds, ordered / seconds**2
-
-
-def _entries(covariance: Array) -> Array:
-    """The 36 numbers of a message, row by row."""
-    if not np.isfinite(covariance).all():
-        covariance = np.zeros((6, 6))
-        covariance[0, 0] = UNKNOWN
-    return np.ascontiguousarray(covariance, dtype=np.float64).ravel()
+    return linear / seconds, angular / seconds, turned[_SWAPPED] / seconds**2
