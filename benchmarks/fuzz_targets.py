@@ -27,6 +27,7 @@ from flowlik.datasets import open_sequence
 from flowlik.datasets.base import read_grey
 from flowlik.datasets.camera_file import read_camera
 from flowlik.datasets.flow_files import read_flow
+from flowlik.datasets.mask_file import read_mask
 from flowlik.datasets.tartanair import encode_flow
 from flowlik.datasets.uncertainty_file import read_uncertainty, write_uncertainty
 from flowlik.errors import DataError
@@ -198,6 +199,12 @@ def _ros() -> dict[str, Target]:
     }
 
 
+def _mask(path: Path) -> None:
+    usable = np.full((fakes.HEIGHT, fakes.WIDTH), 255, np.uint8)
+    usable[20:, :15] = 0
+    fakes.save(path, usable)
+
+
 def _cameras() -> dict[str, Target]:
     """Camera files of each kind, read as a lens that is then used."""
     texts = {
@@ -254,6 +261,7 @@ def targets() -> dict[str, Target]:
         **{f"flow {suffix}": _flow(suffix) for suffix in ("flo", "png", "npy", "npz", "pfm")},
         "flow tartanair": Target(file_of("a.png", _tartanair_flow), read_flow),
         **_cameras(),
+        "mask": Target(file_of("m.png", _mask), lambda path: read_mask(path, (fakes.HEIGHT, fakes.WIDTH))),
         **{
             f"model {path.stem}": Target(
                 file_of("m.json", lambda p, path=path: shutil.copy(path, p)), load_likelihood

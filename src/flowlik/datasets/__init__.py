@@ -11,6 +11,8 @@ from flowlik.datasets import layouts
 from flowlik.datasets.base import ImageSequence, frame_pairs, mask_of
 from flowlik.datasets.camera_file import read_camera
 from flowlik.datasets.lens import Lens
+from flowlik.datasets.masked import masked
+from flowlik.datasets.resized import resized
 from flowlik.datasets.selection import select_frames
 from flowlik.datasets.uncertainty_file import read_uncertainty
 from flowlik.errors import DataError
@@ -26,9 +28,11 @@ __all__ = [
     "frame_pairs",
     "guess_format",
     "mask_of",
+    "masked",
     "open_sequence",
     "read_camera",
     "read_uncertainty",
+    "resized",
     "select_frames",
 ]
 

@@ -70,6 +70,12 @@ class ImageSequence(Protocol):
         ...
 
 
+def shape_of(sequence: ImageSequence) -> tuple[int, int]:
+    """Height and width of the images, of the first one where they differ."""
+    height, width = getattr(sequence, "shape", None) or sequence.image(0).shape
+    return height, width
+
+
 def mask_of(sequence: ImageSequence, k: int) -> NDArray[np.bool_] | None:
     """Usable pixels (H, W) of frame k, or None if all are: what lies beyond a lens or under a mask is not."""
     mask = getattr(sequence, "mask", None)

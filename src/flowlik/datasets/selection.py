@@ -90,7 +90,7 @@ class Selection:
         value = getattr(self.whole, name)
         if name == "gps_positions":
             return value[self.frames]
-        return (lambda k: value(self._of(k))) if name in ("right_image", "visible") else value
+        return (lambda k: value(self._of(k))) if name in ("right_image", "visible", "mask") else value
 
     def _of(self, k: int) -> int:
         return int(self.frames[frame_index(self, k)])

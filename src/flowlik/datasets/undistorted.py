@@ -46,10 +46,14 @@ class Undistorted(Wrapped):
         super().__init__(inner)
         self.lens = lens
 
+    def on(self, inner: ImageSequence) -> Undistorted:
+        """Return another sequence undistorted by the same lens."""
+        return Undistorted(inner, self.lens)
+
     @property
     def camera(self) -> Pinhole:
         """The pinhole camera of the undistorted images."""
-        return self.lens.pinhole(self._shape)
+        return self.lens.pinhole(self.shape)
 
     def image(self, k: int) -> NDArray[np.uint8]:
         """Undistorted grey image (H, W) of frame k."""
@@ -58,14 +62,14 @@ class Undistorted(Wrapped):
     @cached_property
     def valid(self) -> NDArray[np.bool_]:
         """Pixels (H, W) that the original images show, with all that interpolation needs."""
-        return self.lens.valid(self._shape)
+        return self.lens.valid(self.shape)
 
     def mask(self, k: int) -> NDArray[np.bool_]:
         """Usable pixels (H, W) of frame k: shown, and made of usable pixels of the original."""
         usable = mask_of(self.inner, k)
         if usable is None:
             return self.valid
-        maps = self.lens.maps(self._shape)
+        maps = self.lens.maps(self.shape)
         return self.valid & (cv2.remap(usable.astype(np.float32), *maps, cv2.INTER_LINEAR) > WHOLE)
 
     def depth(self, k: int) -> Array:
@@ -86,8 +90,3 @@ class Undistorted(Wrapped):
         """Return which pixels (H, W) of frame k the depth of frame k + 1 shows again."""
         motion = motion_to_next(self, k)
         return is_visible(visibility_next(self.camera, self.depth(k), self.depth(k + 1), motion))
-
-    @cached_property
-    def _shape(self) -> tuple[int, int]:
-        height, width = getattr(self.inner, "shape", None) or self.inner.image(0).shape
-        return height, width

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.datasets.base import ImageSequence, mask_of
+from flowlik.datasets.base import ImageSequence, mask_of, shape_of
 from flowlik.geometry.camera import Pinhole
 from flowlik.support.arrays import Array
 
 
-class Wrapped:
+class Wrapped(ABC):
     """Base of sequences that change the images of another one, a `ImageSequence` themselves.
 
     Parameters
@@ -29,6 +30,15 @@ class Wrapped:
 
     def __init__(self, inner: ImageSequence) -> None:
         self.inner, self.name = inner, inner.name
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of the first image."""
+        return shape_of(self.inner)
+
+    @abstractmethod
+    def on(self, inner: ImageSequence) -> Wrapped:
+        """Return the same change of another sequence."""
 
     @property
     def camera(self) -> Pinhole:
