@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from flowlik.commands.kitti import find_table_sequences, kitti_table
+from flowlik.commands import find_table_sequences, kitti_table
 from flowlik.commands.options import KittiOptions
 from flowlik.results.records import Record, select
 from flowlik.support.progress import terminal_progress

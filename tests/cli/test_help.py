@@ -39,7 +39,7 @@ import json; print(json.dumps(sorted(m for m in sys.modules if "." not in m)))
 def test_what_is_completed_is_what_is_known():
     from flowlik.calibration.executors import EXECUTORS
     from flowlik.calibration.schedules import SCHEDULES
-    from flowlik.commands.odometry import ESTIMATORS
+    from flowlik.commands._odometry import ESTIMATORS
     from flowlik.datasets import FORMATS
     from flowlik.datasets.flow_png import PNG_CODINGS
     from flowlik.flow import METHODS, flow_method
@@ -97,7 +97,7 @@ def test_the_doctor_finds_this_installation_healthy(monkeypatch):
 
 
 def test_the_doctor_tells_of_a_failed_test(monkeypatch):
-    from flowlik.commands import doctor
+    from flowlik.commands import _doctor as doctor
 
     monkeypatch.setattr(doctor, "DEPTH_M", 4.0)
     monkeypatch.setattr(doctor, "lcmsac", lambda likelihood: doctor_that_fails())

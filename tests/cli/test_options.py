@@ -70,10 +70,10 @@ def told(flight, tmp_path_factory):
             return _NoViewer()
 
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(f"flowlik.commands.{command}.open_sequence", opened)
+            patch.setattr(f"flowlik.commands._{command}.open_sequence", opened)
             for module in ("sketching", "calibrate"):
-                patch.setattr(f"flowlik.commands.{module}.executor", mapped)
-            patch.setattr("flowlik.commands.odometry.viewer", shown)
+                patch.setattr(f"flowlik.commands._{module}.executor", mapped)
+            patch.setattr("flowlik.commands._odometry.viewer", shown)
             patch.setattr("flowlik.report.build", lambda run: run / "report.html")
             out = tmp_path_factory.mktemp("options") / command
             succeed(command, *data[command], *words_of(OTHER[command]), "--out", out)

@@ -35,7 +35,7 @@ def kills(previous, current):
 @pytest.fixture(autouse=True)
 def one_fit(monkeypatch):
     """Fit one family with one prior: these tests are about what is fitted to."""
-    monkeypatch.setattr("flowlik.commands.calibrate.FAMILIES", {"lcm": FAMILIES["lcm"]})
+    monkeypatch.setattr("flowlik.commands._calibrate.FAMILIES", {"lcm": FAMILIES["lcm"]})
     monkeypatch.setattr("flowlik.calibration.run.choose_smoothing", lambda *_: 1e-5)
 
 

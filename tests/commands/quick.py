@@ -37,7 +37,7 @@ def quick():
         for module in modules:
             patch.setattr(module, "minimize", minimize_a_little)
         patch.setattr("flowlik.calibration.run.choose_smoothing", lambda *_: 1e-5)
-        patch.setattr("flowlik.commands.calibrate.BAND_REPLICATES", 2)
+        patch.setattr("flowlik.commands._calibrate.BAND_REPLICATES", 2)
         patch.setattr(evidence, "block_interval", partial(block_interval, replicates=5))
         patch.setattr(style, "DPI", 30)
         # drawing takes a second a figure: tests/report looks at each, here one of a kind will do

@@ -1,7 +1,7 @@
 import cv2
 import pytest
 
-from flowlik.commands.kitti import kitti_table
+from flowlik.commands import kitti_table
 from flowlik.commands.options import KittiOptions
 from flowlik.datasets.kitti import find_sequences
 from flowlik.errors import DataError

@@ -3,9 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flowlik.commands import reproduce
+from flowlik.commands._reproduce_flights import BASELINE
 from flowlik.commands.plans import FULL, METHODS, QUICK, Flight, Plan
-from flowlik.commands.reproduce import reproduce
-from flowlik.commands.reproduce_flights import BASELINE
 from flowlik.evaluation.likelihood import Counting
 from flowlik.likelihood.model_file import load_likelihood
 from flowlik.results.records import read_records, select

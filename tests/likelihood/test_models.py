@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from flowlik.commands.models import models, summary
+from flowlik.commands import models, summary
 from flowlik.errors import ModelError
 from flowlik.flow import PRESETS, describe
 from flowlik.likelihood.model_file import load_likelihood

@@ -58,7 +58,7 @@ def run(
 
     Example: `flowlik calibrate data --method lucas-kanade --out calibration`
     """
-    from flowlik.commands.calibrate import calibrate
+    from flowlik.commands import calibrate
     from flowlik.support.progress import terminal_progress
 
     options = CalibrateOptions(

@@ -21,7 +21,7 @@ def run(json: Json = False) -> None:
 
     from rich.table import Table
 
-    from flowlik.commands.doctor import doctor
+    from flowlik.commands import doctor
 
     if not json:
         # the first time kernels are compiled; nobody should wonder whether it hangs

@@ -45,7 +45,7 @@ def run(
 
     `flowlik drift walk/trajectory_tum.txt groundtruth.txt --align sim3 --max-difference 0.02`
     """
-    from flowlik.commands.drift import drift
+    from flowlik.commands import drift
 
     options = DriftOptions(
         align=align, max_difference_s=max_difference_s, times=times, skip_bad_frames=skip_bad_frames

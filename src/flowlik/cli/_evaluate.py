@@ -44,7 +44,7 @@ def run(
 
     Example: `flowlik evaluate calibration/models/lucas-kanade.json other --out evaluation`
     """
-    from flowlik.commands.evaluate import evaluate
+    from flowlik.commands import evaluate
     from flowlik.support.progress import terminal_progress
 
     options = EvaluateOptions(

@@ -54,7 +54,7 @@ def run(
 
     `flowlik flow a.png b.png --model run/models/dis.json --camera camera.yaml --record --out picture`
     """
-    from flowlik.commands.flow import flow
+    from flowlik.commands import flow
 
     options = FlowOptions(
         truth=truth,

@@ -25,7 +25,7 @@ def run(
     from rich.console import Console
     from rich.table import Table
 
-    from flowlik.commands.models import models, summary
+    from flowlik.commands import models, summary
 
     found = models() if name is None else [summary(name)]
     if json:

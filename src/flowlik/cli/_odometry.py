@@ -94,7 +94,7 @@ def run(
 
     `flowlik odometry drive.mcap --topic /camera/image_raw --model lucas-kanade --bag --out drive`
     """
-    from flowlik.commands.odometry import odometry
+    from flowlik.commands import odometry
     from flowlik.support.progress import terminal_progress
 
     options = OdometryOptions(

@@ -30,13 +30,13 @@ def run(
 
     Example: `flowlik reproduce --quick --out run`
     """
+    from flowlik.commands import reproduce
     from flowlik.commands.plans import BYTES_A_FRAME, FULL, QUICK
-    from flowlik.commands.reproduce import reproduce
     from flowlik.errors import DataError
     from flowlik.support.progress import terminal_progress
 
     if kitti is not None:
-        from flowlik.commands.kitti import kitti_table
+        from flowlik.commands import kitti_table
         from flowlik.commands.options import KittiOptions
 
         if model is None:

@@ -58,7 +58,7 @@ def run(
 
     Along real poses: `flowlik simulate driving --trajectory poses/00.txt --traffic 20 --out drive`
     """
-    from flowlik.commands.simulate import simulate
+    from flowlik.commands import simulate
     from flowlik.simulation.flight.scenario import camera_of
     from flowlik.support.progress import terminal_progress
 

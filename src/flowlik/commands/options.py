@@ -54,7 +54,7 @@ class Execution(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrateOptions(Execution):
-    """Options of `flowlik.commands.calibrate.calibrate`, those of `Execution` among them.
+    """Options of `flowlik.commands.calibrate`, those of `Execution` among them.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class CalibrateOptions(Execution):
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluateOptions(Execution):
-    """Options of `flowlik.commands.evaluate.evaluate`, those of `Execution` among them.
+    """Options of `flowlik.commands.evaluate`, those of `Execution` among them.
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ class EvaluateOptions(Execution):
 
 @dataclass(frozen=True, kw_only=True)
 class OdometryOptions(Options):
-    """Options of `flowlik.commands.odometry.odometry`.
+    """Options of `flowlik.commands.odometry`.
 
     Attributes
     ----------
@@ -186,7 +186,7 @@ class OdometryOptions(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class DriftOptions(Options):
-    """Options of `flowlik.commands.drift.drift`.
+    """Options of `flowlik.commands.drift`.
 
     Attributes
     ----------
@@ -209,7 +209,7 @@ class DriftOptions(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class FlowOptions(Options):
-    """Options of `flowlik.commands.flow.flow`.
+    """Options of `flowlik.commands.flow`.
 
     Attributes
     ----------
@@ -239,7 +239,7 @@ class FlowOptions(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class KittiOptions(Options):
-    """Options of `flowlik.commands.kitti.kitti_table`.
+    """Options of `flowlik.commands.kitti_table`.
 
     Attributes
     ----------
@@ -261,7 +261,7 @@ class KittiOptions(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class SimulateOptions(Options):
-    """Options of `flowlik.commands.simulate.simulate`; all but the last as in `flowlik.simulation.simulate`.
+    """Options of `flowlik.commands.simulate`; all but the last as in `flowlik.simulation.simulate`.
 
     Attributes
     ----------

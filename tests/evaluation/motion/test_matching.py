@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.commands.drift import drift
+from flowlik.commands import drift
 from flowlik.commands.options import DriftOptions
 from flowlik.errors import DataError
 from flowlik.evaluation.motion.drift import absolute_trajectory_error, aligned, drift_percent

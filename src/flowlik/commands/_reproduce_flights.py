@@ -35,7 +35,13 @@ BLOCK = 10
 
 
 def flight_sequence(run: RunFolder, plan: Plan, flight: Flight, camera: Pinhole) -> ImageSequence:
-    """Flight that renders on demand or, where the plan is cached, as it stands on disk."""
+    """Flight that renders on demand or, where the plan is cached, as it stands on disk.
+
+    Raises
+    ------
+    DataError
+        If the place cannot be written to.
+    """
     frames = flight.pairs + 1
     sequence = simulate(plan.world, flight.trajectory, frames, flight.speed_mps, flight.seed, camera)
     if not plan.cached:

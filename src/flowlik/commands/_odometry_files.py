@@ -17,7 +17,13 @@ from flowlik.support.files import atomic_write
 def write_frames(
     path: Path, estimated: Trajectory, motions: list[EgoMotion], numbers: NDArray[np.int64]
 ) -> None:
-    """One row a frame: status and reason, whether predicted, standard deviations, inliers, losses."""
+    """One row a frame: status and reason, whether predicted, standard deviations, inliers, losses.
+
+    Raises
+    ------
+    DataError
+        If the place cannot be written to.
+    """
     with atomic_write(path) as file:
         writer = csv.writer(file)
         writer.writerow(
@@ -38,7 +44,13 @@ def write_frames(
 
 
 def write_intrinsics(path: Path, states: list[Intrinsics], numbers: NDArray[np.int64]) -> None:
-    """One row a frame: the refined parameters [px, 1] and their standard deviations."""
+    """One row a frame: the refined parameters [px, 1] and their standard deviations.
+
+    Raises
+    ------
+    DataError
+        If the place cannot be written to.
+    """
     names = states[0].settings.names
     with atomic_write(path) as file:
         writer = csv.writer(file)

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from flowlik.calibration import Task, gather, split_blocks
-from flowlik.commands.calibrate import add_evidence
+from flowlik.commands._calibrate import add_evidence
+from flowlik.commands._sketching import sketch_for_run
 from flowlik.commands.options import EvaluateOptions
-from flowlik.commands.sketching import sketch_for_run
 from flowlik.datasets import open_sequence
 from flowlik.errors import DataError
 from flowlik.evaluation.likelihood import Counting, kept_for_eigenbasis
@@ -51,6 +51,8 @@ def evaluate(
     ------
     DataError
         If a sequence cannot be read, lacks its truth, or has no errors to evaluate.
+    ModelError
+        If there is no such model, or it is for another method than the one given.
     """
     likelihood = load_likelihood(model)
     flow = coded(confirmed_method(likelihood.method or {}, options.method), options.flow_png)

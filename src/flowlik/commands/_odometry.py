@@ -10,8 +10,8 @@ from typing import cast
 
 import numpy as np
 
-from flowlik.commands.odometry_files import write_frames, write_intrinsics
-from flowlik.commands.odometry_results import Flown, report_odometry
+from flowlik.commands._odometry_files import write_frames, write_intrinsics
+from flowlik.commands._odometry_results import Flown, report_odometry
 from flowlik.commands.options import OdometryOptions
 from flowlik.datasets import open_sequence
 from flowlik.datasets.base import ImageSequence
@@ -67,8 +67,12 @@ def odometry(
     ------
     DataError
         If options contradict one another or the data, or no frame at all could be solved.
+    ModelError
+        If there is no such model or method, or the model is for another method than the one given.
+    MissingExtraError
+        If a bag is asked for and rosbags is not installed.
     """
-    flow, estimator = choose(options)
+    flow, estimator = _choose(options)
     if options.scale not in SCALES:
         raise DataError(f"unknown scale source {options.scale!r}: known are {', '.join(SCALES)}")
     if options.boresight not in ("none", "causal"):
@@ -141,7 +145,7 @@ def _write_files(folder: Path, flown: Flown, options: OdometryOptions) -> None:
         write_intrinsics(folder / "intrinsics.csv", flown.robot.intrinsics, frames)
 
 
-def choose(options: OdometryOptions) -> tuple[FlowMethod, Estimator]:
+def _choose(options: OdometryOptions) -> tuple[FlowMethod, Estimator]:
     """Flow method and estimator of the options of a run.
 
     Raises

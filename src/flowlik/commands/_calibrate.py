@@ -26,8 +26,8 @@ from flowlik.calibration import (
     spread_pairs,
     with_shared_errors,
 )
+from flowlik.commands._sketching import sketch_for_run
 from flowlik.commands.options import CalibrateOptions
-from flowlik.commands.sketching import sketch_for_run
 from flowlik.datasets import open_sequence
 from flowlik.evaluation.likelihood import (
     Counting,
@@ -88,6 +88,10 @@ def calibrate(
     ------
     CalibrationError
         If family or schedule are unknown, or there is too little data.
+    ModelError
+        If the flow method is unknown.
+    DataError
+        If a sequence cannot be read or lacks its truth, or the options do not fit together.
     """
     flow = coded(flow_method(method), options.flow_png)
     label = method_label(describe(flow))
@@ -154,7 +158,15 @@ def fit_families(
     smoothing: float | None = None,
     progress: Progress = no_progress,
 ) -> dict[str, FlowLikelihood]:
-    """Likelihoods of families on the same sketches, by name."""
+    """Likelihoods of families on the same sketches, by name.
+
+    Raises
+    ------
+    ModelError
+        If a family is unknown.
+    CalibrationError
+        If there is too little data, or a fit fails.
+    """
     return {
         name: fit_likelihood(sketches, error_family(name), method, provenance=provenance, smoothing=smoothing)
         for name in progress(names, "families fitted", len(names))

@@ -21,13 +21,13 @@ from flowlik.calibration import (
     with_shared_errors,
 )
 from flowlik.calibration.shared_errors import Pairs
-from flowlik.commands.calibrate import add_evidence, fit_families, with_goodness
+from flowlik.commands._calibrate import add_evidence, fit_families, with_goodness
+from flowlik.commands._reproduce_flights import BLOCK, add_ratios, flight_sequence, fly
 from flowlik.commands.options import BEST_FAMILY
 from flowlik.commands.plans import FAMILIES_SHOWN, METHODS, QUICK, Flight, Plan
-from flowlik.commands.reproduce_flights import BLOCK, add_ratios, flight_sequence, fly
 from flowlik.datasets.base import ImageSequence
 from flowlik.evaluation.likelihood import table_arrays
-from flowlik.flow import flow_method
+from flowlik.flow import PRESETS
 from flowlik.flow.base import FlowMethod
 from flowlik.geometry.camera import Pinhole
 from flowlik.likelihood.likelihood import FlowLikelihood
@@ -61,9 +61,14 @@ def reproduce(
         Command line that repeats the run.
     progress : Progress
         Told how far it is.
+
+    Raises
+    ------
+    DataError
+        If the folder holds something else, or cannot be written to.
     """
     run = RunFolder(out, command, asdict(plan), seed=plan.calibration[0].seed)
-    methods = [flow_method(name) for name in METHODS]
+    methods = [PRESETS[name] for name in METHODS]
     camera = Pinhole.from_fov(plan.width, plan.height, plan.fov_deg)
 
     models = _calibrated(run, plan, methods, camera, progress)

@@ -62,6 +62,8 @@ def kitti_table(
     ------
     DataError
         If none of the sequences is there.
+    ModelError
+        If there is no such model.
     """
     likelihood = load_likelihood(model)
     found = find_table_sequences(data)
@@ -88,7 +90,13 @@ def kitti_table(
 
 
 def find_table_sequences(root: Path) -> dict[str, Callable[[], ImageSequence]]:
-    """What opens the sequences below a root, by name: from KITTI raw where its drives are there."""
+    """What opens the sequences below a root, by name: from KITTI raw where its drives are there.
+
+    Raises
+    ------
+    DataError
+        If there are neither sequences nor raw drives.
+    """
     drives = {
         name: next(iter(sorted(root.glob(f"**/{drive}_sync"))), None)
         for name, (drive, _) in ODOMETRY_DRIVES.items()

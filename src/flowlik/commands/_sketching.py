@@ -43,6 +43,11 @@ def sketch_for_run(
         Where in the run's folder to save; a run of several populations needs one each.
     **keys
         Fields of the records, such as the dataset.
+
+    Raises
+    ------
+    DataError
+        If the options of the execution do not fit together.
     """
     cache = SketchCache(run.path / folder, run.begin)
     pairs = components = 0
