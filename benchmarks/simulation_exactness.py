@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import PAPER_CAMERA, SimulatedSequence
-from flowlik.simulation.render.daylight import Light
+from flowlik.simulation.render.daylight import Daylight
 from flowlik.simulation.render.materials import Material, Surface
 from flowlik.simulation.render.meshes import quad
 from flowlik.simulation.render.prototypes import Instances, Prototype, placed
@@ -25,7 +25,7 @@ def plane_depth_error() -> tuple[float, int]:
     """Largest relative error of depth on a ground plane 1 to 165 m away, and the pixels on it."""
     ground = quad([(-900, 2, 900), (900, 2, 900), (900, 2, -900), (-900, 2, -900)], 0)
     instances = Instances.of([(0, placed(np.zeros(3)))])
-    scene = Scene.of([Prototype(ground)], instances, [Material((Surface(0.3),))], Light(), 0)
+    scene = Scene.of([Prototype(ground)], instances, [Material((Surface(0.3),))], Daylight(), 0)
     worst, count = 0.0, 0
     for angles in ([0.3, -0.25, 0.1], [2.0, -0.1, -0.3]):
         pose = RigidTransform.from_components([3.0, 0.3, -20], Rotation.from_euler("YXZ", angles))

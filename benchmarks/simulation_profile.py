@@ -12,15 +12,15 @@ import numpy as np
 from flowlik.simulation import SimulatedSequence
 from flowlik.simulation.render import scene
 from flowlik.simulation.render._compile import kernel
-from flowlik.simulation.render.raster import frame as render
+from flowlik.simulation.render.raster import frame as raster
 from flowlik.simulation.render.raster._visibility import SAMPLES, TILE, clear, draw
 
 STAGES = [
     ("image", SimulatedSequence, "image"),
     ("frame", SimulatedSequence, "frame"),
     ("selection", scene.Scene, "drawn"),
-    ("projection", render, "_project"),
-    ("binning", render, "_bin"),
+    ("projection", raster, "_project"),
+    ("binning", raster, "_bin"),
     ("raster", scene, "render_frame"),
 ]
 
@@ -74,7 +74,7 @@ def timed_stages(seconds: dict[str, float]) -> Iterator[None]:
 
 def tile_work(sequence: SimulatedSequence, frames: range) -> dict[str, float]:
     """Share of the tiles' time that visibility takes, by doing it again alone, and what there is to draw."""
-    whole, lock = render.render_tiles, threading.Lock()
+    whole, lock = raster.render_tiles, threading.Lock()
     totals = np.zeros(5)  # seconds of visibility and of all; fragments, list entries, triangles
 
     def apart(first, last, buffers, starts, lists, screen, *others):
@@ -90,13 +90,13 @@ def tile_work(sequence: SimulatedSequence, frames: range) -> dict[str, float]:
             if first == 0:
                 totals[4] += len(np.unique(lists))
 
-    render.render_tiles = apart
+    raster.render_tiles = apart
     try:
         pixels = 0
         for k in frames:
             pixels += sequence.world.render(sequence.T_n_c(k), sequence.camera).depth.size
     finally:
-        render.render_tiles = whole
+        raster.render_tiles = whole
     return {
         "visibility": totals[0] / totals[1],
         "fragments_per_pixel": totals[2] / pixels,

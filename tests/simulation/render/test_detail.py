@@ -4,7 +4,7 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.geometry.camera import Pinhole
 from flowlik.simulation.render._detail import drawn_leaves
-from flowlik.simulation.render.daylight import Light
+from flowlik.simulation.render.daylight import Daylight
 from flowlik.simulation.render.materials import Material, Surface
 from flowlik.simulation.render.prototypes import Instances, placed
 from flowlik.simulation.render.raster.packed import pack_shapes
@@ -42,7 +42,7 @@ def test_a_step_of_a_frame_changes_few_leaves(shapes):
 def test_leaves_cover_as_much_whichever_way_they_are_drawn():
     # one tree from one place, with two focal lengths of one field of view: fine shapes, then fewer rhombi
     scene = Scene.of(
-        [tree(2000)], instances(1), [Material((Surface(0.2),))] * 3, Light(clouds=0, haze_per_m=0), 0
+        [tree(2000)], instances(1), [Material((Surface(0.2),))] * 3, Daylight(clouds=0, haze_per_m=0), 0
     )
     view = RigidTransform.from_translation([0, -4, -12])
     covers = []

@@ -1,7 +1,7 @@
 import numpy as np
 
-from flowlik.simulation.render.meshes import box, height_field, moved, quad, tube
-from flowlik.simulation.render.prototypes import Mesh, placed
+from flowlik.simulation.render.meshes import box, quad, tube
+from flowlik.simulation.render.prototypes import Mesh
 
 
 def areas(mesh: Mesh) -> np.ndarray:
@@ -43,26 +43,9 @@ def test_a_tube_has_its_radius_and_faces_outwards():
     assert (pipe.materials == 2).all()
 
 
-def test_a_height_field_is_the_surface_with_its_normals_up():
-    x, z = np.linspace(-3, 3, 25), np.linspace(0, 4, 17)
-    heights = 2 + 0.3 * np.outer(z, np.ones_like(x)) + 0.1 * x
-    field = height_field(x, z, heights, 0, paint=0.5)
-    np.testing.assert_allclose(
-        field.vertices[:, 1], 2 + 0.3 * field.vertices[:, 2] + 0.1 * field.vertices[:, 0], atol=1e-6
-    )
-    expected = np.array([0.1, -1, 0.3]) / np.linalg.norm([0.1, -1, 0.3])
-    np.testing.assert_allclose(field.normals, np.broadcast_to(expected, field.normals.shape), atol=1e-6)
-    assert (field.paint == 0.5).all()
-
-
-def test_joined_and_moved_meshes_keep_their_triangles():
+def test_joined_meshes_keep_their_triangles():
     a, b = box([0, -1, 0], [1, 0, 1], 0), box([5, -1, 0], [6, 0, 2], 3)
     both = Mesh.joined([a, b])
     np.testing.assert_allclose(areas(both), np.concatenate([areas(a), areas(b)]))
     assert list(both.materials) == [0] * 12 + [3] * 12
-    turned = moved(both, placed(np.array([1.0, 2.0, 3.0]), yaw=0.7, scale=2.0))
-    np.testing.assert_allclose(areas(turned), 4 * areas(both), rtol=1e-5)
-    np.testing.assert_allclose(uv_areas(turned), 4 * uv_areas(both), rtol=1e-5)
-    np.testing.assert_allclose(np.linalg.norm(turned.normals, axis=1), 1, rtol=1e-5)
-    np.testing.assert_allclose(moved(a, placed(np.zeros(3))).vertices, a.vertices)
     assert len(Mesh.joined([]).triangles) == 0

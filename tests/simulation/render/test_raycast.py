@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.geometry.camera import Pinhole
-from flowlik.simulation.render.daylight import Light
+from flowlik.simulation.render.daylight import Daylight
 from flowlik.simulation.render.materials import Material, Surface
 from flowlik.simulation.render.prototypes import Instances, Mesh, Prototype, placed
 from flowlik.simulation.render.scene import Scene
@@ -43,7 +43,7 @@ def test_a_handful_of_triangles_in_numpy():
         flat, np.tile([0, -1, 0], (75, 1)), np.zeros((75, 2)), np.arange(75, dtype=np.int32).reshape(25, 3), 0
     )
     instances = Instances.of([(0, placed(np.zeros(3)))])
-    scene = Scene.of([Prototype(mesh)], instances, [Material((Surface(0.3),))], Light(), 0)
+    scene = Scene.of([Prototype(mesh)], instances, [Material((Surface(0.3),))], Daylight(), 0)
     depth = scene.render(RigidTransform.identity(), CAMERA, samples=0).depth.ravel()
     expected = nearest_of(corners.astype(np.float64), CAMERA.rays(CAMERA.pixel_grid()))
     hit = np.isfinite(expected)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from flowlik.simulation.render.prototypes import Mesh
-from flowlik.simulation.render.textures.built import BUILT_TILES
+from flowlik.simulation.render.textures._built import BUILT_TILES
 from flowlik.simulation.render.textures.noise import TILE_PX
 from flowlik.simulation.things._walls import FRAME, PANE, Plane, pierced_wall
 from flowlik.simulation.things.buildings import STOREY_M, facade_block, house

@@ -11,7 +11,7 @@ from flowlik.errors import DataError
 
 
 @dataclass(frozen=True)
-class Light:
+class Daylight:
     """Light of a scene. A white surface in full sun has radiance ``sun + sky``; 1 saturates the sensor.
 
     Parameters

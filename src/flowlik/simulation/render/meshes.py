@@ -1,4 +1,4 @@
-"""Builders of meshes: flat faces, boxes, tubes, height fields."""
+"""Builders of meshes: flat faces, boxes, tubes, lattices."""
 
 from __future__ import annotations
 
@@ -62,24 +62,6 @@ def tube(points: ArrayLike, radii: ArrayLike, sides: int, material: int) -> Mesh
     )
 
 
-def height_field(
-    x: Array, z: Array, y: Array, material: int | NDArray[np.integer], paint: float | Array = 0.0
-) -> Mesh:
-    """Make a terrain over columns x (X,) and rows z (Z,) with heights y (Z, X) [m, down]; uv is (x, z)."""
-    columns, rows = np.meshgrid(x, z)
-    slope_z, slope_x = np.gradient(y, z, x)
-    normals = np.stack([slope_x, -np.ones_like(y), slope_z], axis=-1)
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    return Mesh.of(
-        np.stack([columns, y, rows], axis=-1).reshape(-1, 3),
-        normals.reshape(-1, 3),
-        np.column_stack([columns.ravel(), rows.ravel()]),
-        lattice(len(z), len(x)),
-        material,
-        np.broadcast_to(paint, y.shape).ravel(),
-    )
-
-
 def lattice(rows: int, columns: int) -> NDArray[np.int32]:
     """Triangles (F, 3) between the points of a lattice whose points are numbered row by row."""
     i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
@@ -87,20 +69,6 @@ def lattice(rows: int, columns: int) -> NDArray[np.int32]:
     upper = np.column_stack([corner, corner + 1, corner + columns + 1])
     lower = np.column_stack([corner, corner + columns + 1, corner + columns])
     return np.concatenate([upper, lower]).astype(np.int32)
-
-
-def moved(mesh: Mesh, transform: Array) -> Mesh:
-    """Mesh after a transform (3, 4): a rotation times a uniform scale, and a translation [m]."""
-    linear = transform[:, :3]
-    scale = np.linalg.norm(linear[:, 0])
-    return Mesh.of(
-        mesh.vertices @ linear.T + transform[:, 3],
-        mesh.normals @ (linear / scale).T,
-        mesh.uv * scale,
-        mesh.triangles,
-        mesh.materials,
-        mesh.paint,
-    )
 
 
 def _outward(face: Mesh, inside: Array) -> Mesh:

@@ -13,16 +13,15 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.geometry.camera import Pinhole
 from flowlik.simulation.base import Frame
 from flowlik.simulation.render._detail import THIN_PX, drawn_leaves, drawn_wood
-from flowlik.simulation.render.daylight import Light
+from flowlik.simulation.render.daylight import Daylight
 from flowlik.simulation.render.materials import Material
 from flowlik.simulation.render.prototypes import Instances, Prototype
-from flowlik.simulation.render.raster._distance import nearest_surface
+from flowlik.simulation.render.raster.distances import distances_m
 from flowlik.simulation.render.raster.frame import render_frame, triangles_of
 from flowlik.simulation.render.raster.packed import Drawn, Looks, Shapes, pack_looks, pack_shapes, tile_names
 from flowlik.simulation.render.raster.shadows import TEXELS, Shadows, no_shadows, shadow_map
 from flowlik.simulation.render.textures.tiles import make_tiles
 from flowlik.support.arrays import Array
-from flowlik.support.threads import in_bands
 
 FAR_M = 10.0
 """Clearances are measured up to this distance."""
@@ -44,7 +43,7 @@ class Scene:
         Bounding spheres of the static copies: centre in {n} and radius [m].
     movers : array (M,) int64
         Prototype of each moving object.
-    light : Light
+    light : Daylight
         Daylight.
     shadows : Shadows
         Where the sun is hidden; moving objects cast none.
@@ -56,7 +55,7 @@ class Scene:
     identities: NDArray[np.int64]
     spheres: Array
     movers: NDArray[np.int64]
-    light: Light
+    light: Daylight
     shadows: Shadows
 
     @classmethod
@@ -65,7 +64,7 @@ class Scene:
         prototypes: Sequence[Prototype],
         instances: Instances,
         materials: Sequence[Material],
-        light: Light,
+        light: Daylight,
         seed: int,
         movers: Sequence[int] = (),
         shadow_area: tuple[float, float, float] | None = None,
@@ -80,7 +79,7 @@ class Scene:
             The copies that stand still.
         materials : sequence of Material
             What the prototypes' material numbers mean.
-        light : Light
+        light : Daylight
             Daylight.
         seed : int
             Seed of the textures.
@@ -181,15 +180,7 @@ def clearance(shapes: Shapes, instances: Instances, spheres: Array, positions_m:
     near = np.flatnonzero(np.linalg.norm(gap, axis=1) < spheres[:, 3] + FAR_M)
     standing = Instances(instances.prototypes[near], instances.transforms[near])
     drawn = _standing(shapes, standing, np.zeros(len(near)))
-    distances = np.empty(len(positions))
-    in_bands(
-        lambda first, last: nearest_surface(
-            first, last, positions, shapes, drawn, spheres[near], FAR_M, distances
-        ),
-        len(positions),
-        16,
-    )
-    return distances
+    return distances_m(positions, shapes, drawn, spheres[near], FAR_M)
 
 
 def _standing(

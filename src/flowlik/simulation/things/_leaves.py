@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flowlik.simulation.render.prototypes import Foliage, LeafShape
+from flowlik.simulation.things._vectors import UP, unit
 from flowlik.support.arrays import Array
-
-_UP = np.array([0.0, -1.0, 0.0])
 
 
 def _folded(stations: ArrayLike, widths: ArrayLike, sweep: ArrayLike, fold: float, droop: float) -> LeafShape:
@@ -141,8 +140,8 @@ def along_twigs(
     """
     count = len(places)
     half = half_length_m * rng.uniform(0.67, 1.33, (count, 1))
-    along = unit(outward + 0.55 * rng.standard_normal((count, 3)) - 0.25 * _UP)
-    face = unit(level * _UP + 0.6 * rng.standard_normal((count, 3)))
+    along = unit(outward + 0.55 * rng.standard_normal((count, 3)) - 0.25 * UP)
+    face = unit(level * UP + 0.6 * rng.standard_normal((count, 3)))
     across = unit(np.cross(face, along))
     face = np.cross(along, across)
     centres = places + half * along
@@ -163,11 +162,6 @@ def leaves_of(
         shape,
         material,
     )
-
-
-def unit(vectors: Array) -> Array:
-    """Vectors (..., 3) of length 1."""
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
 
 
 def _within_crown(centres: Array) -> Array:

@@ -10,13 +10,12 @@ from numpy.typing import ArrayLike
 
 from flowlik.simulation.render.meshes import box
 from flowlik.simulation.render.prototypes import Mesh
+from flowlik.simulation.things._vectors import UP
 from flowlik.support.arrays import Array
 
 UNDERGROUND_M = 1.0
 PANE, FRAME = 0.0, 1.0
 """Paint of a window's material: its first surface is the pane, its second the frame."""
-
-UP = np.array([0.0, -1.0, 0.0])
 
 Span = tuple[float, float]
 
@@ -92,7 +91,7 @@ def pierced_wall(
     return Mesh.joined(parts)
 
 
-def ledge(plane: Plane, us: Span, vs: Span, out_m: float, material: int, paint: float = 0.0) -> Mesh:
+def _ledge(plane: Plane, us: Span, vs: Span, out_m: float, material: int, paint: float = 0.0) -> Mesh:
     """Box between a rectangle of an upright plane along x or z and the same farther out [m]."""
     corners = np.array([plane.at(us[0], vs[0]), plane.at(us[1], vs[1], out_m)])
     block = box(corners.min(axis=0), corners.max(axis=0), material)
@@ -114,8 +113,8 @@ def door(plane: Plane, middle_m: float, window: int) -> Mesh:
     leaf = plane.shifted(0.05).cells(
         [left, left + 0.1, right - 0.1, right], [0.0, 0.1, 2.0, 2.15], window, paint
     )
-    canopy = ledge(plane, (left - 0.3, right + 0.3), (2.3, 2.4), 0.8, window, FRAME)
-    return Mesh.joined([ledge(plane, (left, right), (0.0, 2.15), 0.04, window, FRAME), leaf, canopy])
+    canopy = _ledge(plane, (left - 0.3, right + 0.3), (2.3, 2.4), 0.8, window, FRAME)
+    return Mesh.joined([_ledge(plane, (left, right), (0.0, 2.15), 0.04, window, FRAME), leaf, canopy])
 
 
 def _window(plane: Plane, left: float, right: float, low: float, high: float, wall: int, window: int) -> Mesh:
@@ -125,7 +124,7 @@ def _window(plane: Plane, left: float, right: float, low: float, high: float, wa
     paint = np.full((3, 5), FRAME)
     paint[1, [1, 3]] = PANE
     pane = plane.shifted(-0.12).cells(us, [low, low + bar, high - bar, high], window, paint)
-    sill = ledge(plane, (left - 0.08, right + 0.08), (low - 0.08, low - 0.005), 0.1, window, FRAME)
+    sill = _ledge(plane, (left - 0.08, right + 0.08), (low - 0.08, low - 0.005), 0.1, window, FRAME)
     return Mesh.joined([pane, sill, *_reveals(plane, left, right, low, high, 0.12, wall)])
 
 

@@ -8,10 +8,9 @@ import numpy as np
 
 from flowlik.simulation.render.meshes import lattice
 from flowlik.simulation.render.prototypes import Mesh
-from flowlik.simulation.things._leaves import unit
+from flowlik.simulation.things._vectors import UP, unit
 from flowlik.support.arrays import Array
 
-_UP = np.array([0.0, -1.0, 0.0])
 _GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 
 
@@ -72,7 +71,7 @@ def grow(
     path, heading = [starts], unit(directions)
     for _ in range(points - 1):
         path.append(path[-1] + (lengths / (points - 1))[:, None] * heading)
-        heading = unit(heading + lift * _UP + wander * rng.standard_normal(heading.shape))
+        heading = unit(heading + lift * UP + wander * rng.standard_normal(heading.shape))
     taper = np.linspace(1, 0.25, points)
     return Branches(np.stack(path, axis=1), np.maximum(radii[:, None] * taper, 0.003))
 

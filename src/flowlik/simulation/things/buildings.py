@@ -10,7 +10,8 @@ import numpy as np
 
 from flowlik.simulation.render.meshes import box, quad
 from flowlik.simulation.render.prototypes import Mesh
-from flowlik.simulation.things._walls import UNDERGROUND_M, UP, Plane, door, openings, pierced_wall, sides
+from flowlik.simulation.things._vectors import UP
+from flowlik.simulation.things._walls import UNDERGROUND_M, Plane, door, openings, pierced_wall, sides
 
 STOREY_M = 2.8
 

@@ -14,7 +14,7 @@ POSTER_M = 0.25
 """Part of the tile of posters, in units of its period, that a sign shows."""
 
 
-def pole(height_m: float, radius_m: float, metal: int) -> Mesh:
+def _pole(height_m: float, radius_m: float, metal: int) -> Mesh:
     """Make a round post with a closed top."""
     points = [(0, FOOT_M, 0), (0, -height_m, 0), (0, -height_m - 0.01, 0)]
     return tube(points, [radius_m, 0.8 * radius_m, 0.001], 8, metal)
@@ -30,7 +30,7 @@ def street_lamp(metal: int, lamp: int, height_m: float = 6.0) -> Mesh:
         metal,
     )
     head = box((-0.14, -height_m - 0.5, -reach - 0.55), (0.14, -height_m - 0.36, -reach), lamp)
-    return Mesh.joined([pole(height_m, 0.08, metal), arm, head])
+    return Mesh.joined([_pole(height_m, 0.08, metal), arm, head])
 
 
 def traffic_sign(rng: np.random.Generator, face: int, metal: int, period_m: float) -> Mesh:
@@ -62,7 +62,7 @@ def traffic_sign(rng: np.random.Generator, face: int, metal: int, period_m: floa
         ),
         _plate(outline, -0.05, 1.0, metal, outline),
     ]
-    return Mesh.joined([pole(2.3, 0.035, metal), *plates])
+    return Mesh.joined([_pole(2.3, 0.035, metal), *plates])
 
 
 def billboard(rng: np.random.Generator, face: int, metal: int, period_m: float) -> Mesh:

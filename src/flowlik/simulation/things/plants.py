@@ -18,11 +18,10 @@ from flowlik.simulation.things._leaves import (
     PALMATE,
     along_twigs,
     leaves_of,
-    unit,
 )
+from flowlik.simulation.things._vectors import UP, unit
 from flowlik.simulation.things._wood import Branches, Habit, bark_of, grow, roots, side_branches, trunk
 
-_UP = np.array([0.0, -1.0, 0.0])
 _BROAD_LEAVES: tuple[tuple[LeafShape, float], ...] = (
     (OVATE, 0.58),
     (LOBED, 0.62),
@@ -157,13 +156,13 @@ def grass_tuft(rng: np.random.Generator, blades: int, leaf: int) -> Prototype:
     x, z = rng.normal(0, 0.26, (2, blades))
     roots_m = np.column_stack([x, np.full(blades, 0.03), z])
     half = rng.uniform(0.07, 0.22, (blades, 1)) * np.exp(-(x**2 + z**2) / 0.4)[:, None]
-    along = unit(_UP + 0.35 * rng.standard_normal((blades, 3)) * [1, 0, 1] + 0.5 * roots_m * [1, 0, 1])
+    along = unit(UP + 0.35 * rng.standard_normal((blades, 3)) * [1, 0, 1] + 0.5 * roots_m * [1, 0, 1])
     across = unit(np.cross(along, rng.standard_normal((blades, 3))))
     faces = np.cross(along, across)
     faces *= np.where(faces[:, [1]] > 0, -1.0, 1.0)
     centres = roots_m + half * along
     shade = np.clip(0.35 + 3 * half[:, 0], 0, 0.9)
-    normals = unit(faces + 1.2 * _UP)
+    normals = unit(faces + 1.2 * UP)
     leaves = leaves_of(centres, half * along, 0.008 * across, normals, shade, BLADE, leaf)
     return Prototype(Mesh.joined([]), leaves)
 
@@ -179,16 +178,16 @@ def fern(rng: np.random.Generator, leaf: int) -> Prototype:
     )
     share = np.tile(np.linspace(0.18, 0.99, pairs), 2)
     start, tangent, _ = fronds.at(np.broadcast_to(share, (count, 2 * pairs)))
-    sides = unit(np.cross(tangent, _UP)) * np.repeat([1.0, -1.0], pairs)[:, None]
+    sides = unit(np.cross(tangent, UP)) * np.repeat([1.0, -1.0], pairs)[:, None]
     half = lengths[:, None, None] * (0.14 * np.sin(np.pi * share**0.55) + 0.012)[:, None]
-    along = unit(sides + 0.45 * tangent - 0.12 * _UP + 0.06 * rng.standard_normal(start.shape))
+    along = unit(sides + 0.45 * tangent - 0.12 * UP + 0.06 * rng.standard_normal(start.shape))
     across = unit(np.cross(np.cross(along, tangent), along))
     faces = np.cross(along, across)
     faces *= np.where(faces[..., [1]] > 0, -1.0, 1.0)
     order = rng.permutation(count * 2 * pairs)
     along, across, centres = half * along, 0.2 * half * across, start + half * along
     centres, along, across, normals = (
-        part.reshape(-1, 3)[order] for part in (centres, along, across, unit(faces + 0.5 * _UP))
+        part.reshape(-1, 3)[order] for part in (centres, along, across, unit(faces + 0.5 * UP))
     )
     shade = np.clip(np.tile(0.3 + 0.6 * share, count), 0, 0.9)[order]
     leaves = leaves_of(centres, along, across, normals, shade, LANCEOLATE, leaf)

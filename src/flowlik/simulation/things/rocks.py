@@ -6,7 +6,7 @@ import numpy as np
 
 from flowlik.simulation.render.meshes import lattice
 from flowlik.simulation.render.prototypes import Mesh, Prototype
-from flowlik.simulation.things._leaves import unit
+from flowlik.simulation.things._vectors import unit
 from flowlik.support.arrays import Array
 
 

@@ -1,13 +1,15 @@
 """A small scene of each kind of thing that the rasteriser draws."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flowlik.geometry.camera import Pinhole
-from flowlik.simulation.render.daylight import Light
+from flowlik.simulation.render.daylight import Daylight
 from flowlik.simulation.render.materials import Layer, Material, Surface
-from flowlik.simulation.render.meshes import box, height_field, tube
-from flowlik.simulation.render.prototypes import Foliage, Instances, LeafShape, Prototype, placed
+from flowlik.simulation.render.meshes import box, lattice, tube
+from flowlik.simulation.render.prototypes import Foliage, Instances, LeafShape, Mesh, Prototype, placed
 from flowlik.simulation.render.scene import Scene
+from flowlik.support.arrays import Array
 
 CAMERA = Pinhole.from_fov(96, 64, 100.0)
 
@@ -48,6 +50,24 @@ def tree(leaves: int = 300) -> Prototype:
     return Prototype(tube([[0, 0.5, 0], [0.1, -2, 0], [0, -5, 0]], [0.3, 0.2, 0.05], 9, 1), foliage)
 
 
+def height_field(
+    x: Array, z: Array, y: Array, material: int | NDArray[np.integer], paint: float | Array = 0.0
+) -> Mesh:
+    """Terrain over columns x (X,) and rows z (Z,) with heights y (Z, X) [m, down]; uv is (x, z)."""
+    columns, rows = np.meshgrid(x, z)
+    slope_z, slope_x = np.gradient(y, z, x)
+    normals = np.stack([slope_x, -np.ones_like(y), slope_z], axis=-1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    return Mesh.of(
+        np.stack([columns, y, rows], axis=-1).reshape(-1, 3),
+        normals.reshape(-1, 3),
+        np.column_stack([columns.ravel(), rows.ravel()]),
+        lattice(len(z), len(x)),
+        material,
+        np.broadcast_to(paint, y.shape).ravel(),
+    )
+
+
 def make_scene(seed: int = 0, movers: tuple[int, ...] = ()) -> Scene:
     """Hilly ground, trees near and far, boxes."""
     rng = np.random.default_rng(seed)
@@ -61,4 +81,6 @@ def make_scene(seed: int = 0, movers: tuple[int, ...] = ()) -> Scene:
         places.append(
             (1 + k % 2, placed(np.array([side, 1.8, far]), rng.uniform(0, 6), rng.uniform(0.6, 1.2)))
         )
-    return Scene.of(things, Instances.of(places), MATERIALS, Light(), seed, movers, shadow_area=(0, 30, 45))
+    return Scene.of(
+        things, Instances.of(places), MATERIALS, Daylight(), seed, movers, shadow_area=(0, 30, 45)
+    )

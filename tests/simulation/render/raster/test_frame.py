@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.geometry.camera import Pinhole
-from flowlik.simulation.render.daylight import Light
+from flowlik.simulation.render.daylight import Daylight
 from flowlik.simulation.render.materials import Material, Surface
 from flowlik.simulation.render.meshes import quad
 from flowlik.simulation.render.prototypes import Instances, Mesh, Prototype, placed
@@ -59,7 +59,11 @@ def test_depth_is_that_of_a_plain_ray_caster(scene, pose):
 def test_depth_of_a_plane_is_exact():
     ground = quad([(-500, 2, 500), (500, 2, 500), (500, 2, -500), (-500, 2, -500)], 0)
     plane = Scene.of(
-        [Prototype(ground)], Instances.of([(0, placed(np.zeros(3)))]), [Material((Surface(0.3),))], Light(), 0
+        [Prototype(ground)],
+        Instances.of([(0, placed(np.zeros(3)))]),
+        [Material((Surface(0.3),))],
+        Daylight(),
+        0,
     )
     pose = RigidTransform.from_components([3.0, 0.3, -20], Rotation.from_euler("YXZ", [0.3, -0.25, 0.1]))
     depth = plane.render(pose, CAMERA, samples=0).depth
@@ -107,7 +111,7 @@ def test_copies_look_the_same_whatever_else_is_in_the_list(scene):
 def test_radiance_is_the_mean_over_the_pixel():
     # a white wall over the left of the picture, its edge at a known place within a column of pixels
     wall = quad([(-50, -50, 10), (0.2, -50, 10), (0.2, 50, 10), (-50, 50, 10)], 0)
-    light = Light(haze_per_m=0.0, clouds=0.0)
+    light = Daylight(haze_per_m=0.0, clouds=0.0)
     bright = Scene.of(
         [Prototype(wall)], Instances.of([(0, placed(np.zeros(3)))]), [Material((Surface(0.9),))], light, 0
     )
@@ -127,7 +131,7 @@ def test_sun_and_shadow():
     floor = quad([(-9, 2, 29), (9, 2, 29), (9, 2, 1), (-9, 2, 1)], 0)
     roof = quad([(-9, -4, 29), (0, -4, 29), (0, -4, 1), (-9, -4, 1)], 0)
     mesh = Mesh.joined([floor, roof])
-    light = Light(elevation_deg=90.0, haze_per_m=0.0, sun=1.0, sky=0.5)
+    light = Daylight(elevation_deg=90.0, haze_per_m=0.0, sun=1.0, sky=0.5)
     scene = Scene.of(
         [Prototype(mesh)],
         Instances.of([(0, placed(np.zeros(3)))]),

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from flowlik.errors import DataError
-from flowlik.simulation.render.textures.natural import NATURAL_TILES
+from flowlik.simulation.render.textures._natural import NATURAL_TILES
 from flowlik.simulation.render.textures.noise import TILE_PX
 from flowlik.simulation.render.textures.tiles import TILES, make_tiles
 

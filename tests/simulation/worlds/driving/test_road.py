@@ -7,7 +7,7 @@ from flowlik.simulation.worlds.driving._ground import CELL_M, SQUARE_M, Ground, 
 from flowlik.simulation.worlds.driving._profiles import PROFILES, profile_of
 from flowlik.simulation.worlds.driving._roads import Roads, new_stretches
 from flowlik.simulation.worlds.driving._route import CAMERA_HEIGHT_M, EXTENSION_M, Route, drive_of
-from flowlik.simulation.worlds.driving._surface import Surface, cut
+from flowlik.simulation.worlds.driving._surface import GroundSurface, cut
 from flowlik.support.arrays import Array
 
 NAMES = ("asphalt", "kerb", "strip", "paving", "gravel", "ground", "marking")
@@ -150,7 +150,7 @@ def test_cutting_keeps_the_area_and_the_winding() -> None:
 def test_squares_are_covered_once_and_meet_without_gaps(scenery: str) -> None:
     plan = block()
     ground = Ground(roads_of(route_of(plan, 0.03 * plan[:, 0]), scenery), seed=1)
-    surface = Surface(ground, NUMBERS, seed=1)
+    surface = GroundSurface(ground, NUMBERS, seed=1)
     squares = {(i, 0): surface.square((i, 0), fine=i == 0) for i in (0, 1)}
     kerb_m = ground.roads.profile.kerb_m
     for (column, row), mesh in squares.items():
@@ -175,7 +175,7 @@ def test_squares_are_covered_once_and_meet_without_gaps(scenery: str) -> None:
 
 def test_kerbs_face_the_roadway() -> None:
     ground = Ground(roads_of(route_of(straight(200))), seed=0)
-    mesh = Surface(ground, NUMBERS, seed=0).square((0, 1), fine=True)
+    mesh = GroundSurface(ground, NUMBERS, seed=0).square((0, 1), fine=True)
     upright = np.flatnonzero(np.abs(mesh.normals[:, 1]) < 0.01)
     assert len(upright) > 100
     points = mesh.vertices[upright][:, [0, 2]] + [0.0, SQUARE_M]

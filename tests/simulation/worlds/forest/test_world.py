@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.simulation.flight.trajectories import curve, straight, training
-from flowlik.simulation.render.daylight import Light
+from flowlik.simulation.render.daylight import Daylight
 from flowlik.simulation.render.prototypes import Prototype
 from flowlik.simulation.render.textures.tiles import TILES
 from flowlik.simulation.worlds.forest._kinds import MATERIALS, make_kinds
@@ -138,7 +138,7 @@ def test_equal_worlds_render_equal_bytes(world: ForestWorld, camera: Pinhole) ->
 
 def test_worlds_can_be_built_again_from_their_parameters(world: ForestWorld) -> None:
     parameters = json.loads(json.dumps(world.parameters()))
-    assert ForestWorld(**{**parameters, "light": Light(**parameters["light"])}) == world
+    assert ForestWorld(**{**parameters, "light": Daylight(**parameters["light"])}) == world
 
 
 def test_foliage_thins_the_crowns(world: ForestWorld, camera: Pinhole) -> None:

@@ -27,7 +27,7 @@ def _to_segment(a, e):
 
 
 @njit(cache=True)
-def to_triangle(a, b, c):
+def _to_triangle(a, b, c):
     """Squared distance from the origin to a triangle."""
     e1, e2 = _minus(b, a), _minus(c, a)
     n = (e1[1] * e2[2] - e1[2] * e2[1], e1[2] * e2[0] - e1[0] * e2[2], e1[0] * e2[1] - e1[1] * e2[0])
@@ -88,7 +88,7 @@ def _to_copy(point, copy, shapes, drawn, best):
             a = (local[i, 0], local[i, 1], local[i, 2])
             b = (local[j, 0], local[j, 1], local[j, 2])
             c = (local[k, 0], local[k, 1], local[k, 2])
-            squared = min(squared, to_triangle(a, b, c))
+            squared = min(squared, _to_triangle(a, b, c))
     nearest = math.sqrt(squared)
     scale = math.sqrt(m[copy, 0, 0] ** 2 + m[copy, 1, 0] ** 2 + m[copy, 2, 0] ** 2)
     for leaf in range(shapes.leaf_starts[p], shapes.leaf_starts[p + 1]):

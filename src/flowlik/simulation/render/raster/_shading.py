@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from flowlik.simulation.render._compile import inlined
-from flowlik.simulation.render.raster._geometry import corner_in_space
+from flowlik.simulation.render.raster._corners import corner_in_space
 from flowlik.simulation.render.raster._shadow import sunlit
 from flowlik.simulation.render.raster._texturing import look_up, reflectance, slopes
 

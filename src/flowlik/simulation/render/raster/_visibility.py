@@ -28,6 +28,7 @@ OFFSETS_X = ((_ROOKS[:, 0] + 0.5) / 16 - 0.5).astype(np.float32)
 OFFSETS_Y = ((_ROOKS[:, 1] + 0.5) / 16 - 0.5).astype(np.float32)
 
 
+# caches of compiled kernels name it: under another name they could not be read
 class Buffers(NamedTuple):
     """What one thread writes on while it draws a tile of P pixels.
 
@@ -64,7 +65,7 @@ def make_buffers() -> Buffers:
 
 
 @inlined
-def tile_range(screen, i, size, axis):
+def _tile_range(screen, i, size, axis):
     """First and last tile that triangle i touches along an axis (0 column, 1 row) of some size [px]."""
     low = min(screen[i, axis], min(screen[i, axis + 3], screen[i, axis + 6]))
     high = max(screen[i, axis], max(screen[i, axis + 3], screen[i, axis + 6]))
@@ -79,8 +80,8 @@ def count_in_tiles(first, last, screen, width, height, counts):
     """Count triangles first to last in each tile (counts: (tiles,))."""
     across = (width + TILE - 1) // TILE
     for i in range(first, last):
-        x0, x1 = tile_range(screen, i, width, 0)
-        y0, y1 = tile_range(screen, i, height, 1)
+        x0, x1 = _tile_range(screen, i, width, 0)
+        y0, y1 = _tile_range(screen, i, height, 1)
         for y in range(y0, y1 + 1):
             for x in range(x0, x1 + 1):
                 counts[y * across + x] += 1
@@ -91,8 +92,8 @@ def list_in_tiles(first, last, screen, width, height, places, lists):
     """Write triangles first to last into the lists of their tiles, from places (tiles,) on."""
     across = (width + TILE - 1) // TILE
     for i in range(first, last):
-        x0, x1 = tile_range(screen, i, width, 0)
-        y0, y1 = tile_range(screen, i, height, 1)
+        x0, x1 = _tile_range(screen, i, width, 0)
+        y0, y1 = _tile_range(screen, i, height, 1)
         for y in range(y0, y1 + 1):
             for x in range(x0, x1 + 1):
                 tile = y * across + x

@@ -8,8 +8,9 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.geometry.camera import Pinhole
 from flowlik.simulation.base import Frame
-from flowlik.simulation.render.daylight import Light
-from flowlik.simulation.render.raster._geometry import corners_in_space, to_screen
+from flowlik.simulation.render.daylight import Daylight
+from flowlik.simulation.render.raster._corners import corners_in_space
+from flowlik.simulation.render.raster._screen import to_screen
 from flowlik.simulation.render.raster._tiles import render_tiles
 from flowlik.simulation.render.raster._visibility import TILE, count_in_tiles, list_in_tiles, make_buffers
 from flowlik.simulation.render.raster.packed import OUTLINE, Drawn, Ints, Looks, Shapes
@@ -25,7 +26,7 @@ def render_frame(
     shapes: Shapes,
     drawn: Drawn,
     looks: Looks,
-    light: Light,
+    light: Daylight,
     shadows: Shadows,
     T_n_c: RigidTransform,
     camera: Pinhole,

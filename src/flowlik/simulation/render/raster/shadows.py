@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.simulation.render.daylight import Light
+from flowlik.simulation.render.daylight import Daylight
 from flowlik.simulation.render.prototypes import Floats
 from flowlik.simulation.render.raster._shadow import cast_shadows
 from flowlik.simulation.render.raster.packed import Drawn, Shapes
@@ -27,13 +27,13 @@ class Shadows(NamedTuple):
     rate: float  # texels a metre
 
 
-def no_shadows(light: Light) -> Shadows:
+def no_shadows(light: Daylight) -> Shadows:
     """Make an empty map: the sun reaches everywhere that faces it."""
     return Shadows(_axes(light), np.full((1, 1), -np.inf, np.float32), np.zeros(3), 1.0)
 
 
 def shadow_map(
-    shapes: Shapes, drawn: Drawn, spheres: Array, light: Light, area: tuple[float, float, float]
+    shapes: Shapes, drawn: Drawn, spheres: Array, light: Daylight, area: tuple[float, float, float]
 ) -> Shadows:
     """Cast shadows on a square of the ground.
 
@@ -43,7 +43,7 @@ def shadow_map(
         What casts them.
     spheres : array (N, 4)
         Bounding spheres of the copies [m].
-    light : Light
+    light : Daylight
         Where the sun stands.
     area : tuple of three float
         Centre x, z and half size [m].
@@ -65,7 +65,7 @@ def shadow_map(
     return Shadows(axes, heights, origin, rate)
 
 
-def _axes(light: Light) -> Array:
+def _axes(light: Daylight) -> Array:
     to_sun = light.to_sun
     first = np.cross(to_sun, [0.0, 1.0, 0.0]) if abs(to_sun[1]) < 0.999 else np.array([1.0, 0.0, 0.0])
     first = first / np.linalg.norm(first)

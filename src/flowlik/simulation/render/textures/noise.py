@@ -7,6 +7,10 @@ from numpy.typing import NDArray
 from scipy.fft import irfft2
 
 TILE_PX = 1024
+"""Size of a tile, a power of two."""
+
+Tile = NDArray[np.float32]
+"""Grey tile (TILE_PX, TILE_PX) whose opposite borders match."""
 
 
 def noise(rng: np.random.Generator, size_px: int, exponent: float) -> NDArray[np.float32]:

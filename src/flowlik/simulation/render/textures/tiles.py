@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.errors import DataError
-from flowlik.simulation.render.textures.built import BUILT_TILES
-from flowlik.simulation.render.textures.natural import NATURAL_TILES
+from flowlik.simulation.render.textures._built import BUILT_TILES
+from flowlik.simulation.render.textures._natural import NATURAL_TILES
 from flowlik.simulation.render.textures.noise import TILE_PX, pyramid
 from flowlik.support.threads import in_bands
 

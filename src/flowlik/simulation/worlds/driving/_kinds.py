@@ -79,7 +79,7 @@ def make_kinds(seed: int, leaves: int) -> Kinds:
     return Kinds(tuple(prototypes), numbers, np.array([_half_size(p) for p in prototypes]))
 
 
-def pruned(tree: Prototype, height_m: float) -> Prototype:
+def _pruned(tree: Prototype, height_m: float) -> Prototype:
     """Tree without the leaves below some height [m]."""
     if tree.foliage is None:
         return tree
@@ -89,7 +89,7 @@ def pruned(tree: Prototype, height_m: float) -> Prototype:
     return Prototype(tree.mesh, replace(leaves, **parts))
 
 
-def plain(tree: Prototype) -> Prototype:
+def _plain(tree: Prototype) -> Prototype:
     """Tree with leaves of only four triangles each."""
     return tree if tree.foliage is None else Prototype(tree.mesh, replace(tree.foliage, shape=OVAL))
 
@@ -122,7 +122,7 @@ def _makers(leaves: int) -> dict[str, tuple[int, _Make]]:
         )
 
     def avenue(rng: np.random.Generator, i: int) -> Prototype:
-        return pruned(broadleaf(rng, leaves, bark, greens[i], 1.7, species=i), _CLEAR_M)
+        return _pruned(broadleaf(rng, leaves, bark, greens[i], 1.7, species=i), _CLEAR_M)
 
     def boundary(make: Callable[[float, float, int, int], Mesh], kind: str, a: str, b: str) -> _Make:
         return lambda rng, i: make(SEGMENT_M[kind], rng.uniform(0.8, 1.7), m(a), m(b))
@@ -135,9 +135,9 @@ def _makers(leaves: int) -> dict[str, tuple[int, _Make]]:
         "block": (9, block),
         "avenue": (5, avenue),
         "garden": (5, lambda rng, i: broadleaf(rng, few, bark, greens[i], 1.4, False, i)),
-        "tree": (5, lambda rng, i: plain(broadleaf(rng, few, bark, greens[i], 1.5, False, i))),
+        "tree": (5, lambda rng, i: _plain(broadleaf(rng, few, bark, greens[i], 1.5, False, i))),
         "conifer": (3, lambda rng, i: conifer(rng, few * 3 // 5, bark, m("needle"), 1.2, False)),
-        "bush": (5, lambda rng, i: plain(bush(rng, few // 5, bark, greens[i], 1.5))),
+        "bush": (5, lambda rng, i: _plain(bush(rng, few // 5, bark, greens[i], 1.5))),
         "tuft": (3, lambda rng, i: grass_tuft(rng, 60, m("blade"))),
         "hedge": (4, lambda rng, i: hedge(rng, m("hedge-core"), m("hedge"), SEGMENT_M["hedge"], hedge_m[i])),
         "fence": (3, boundary(fence, "fence", "fence", "post")),

@@ -12,7 +12,7 @@ from flowlik.simulation.worlds.driving._kinds import Kinds
 from flowlik.simulation.worlds.driving._open import furnish_open_road
 from flowlik.simulation.worlds.driving._places import Footprints, Things, away_from, upright
 from flowlik.simulation.worlds.driving._street import furnish_street, put_plants
-from flowlik.simulation.worlds.driving._surface import Surface
+from flowlik.simulation.worlds.driving._surface import GroundSurface
 from flowlik.support.arrays import Array
 
 CLEAR_M = 1.3
@@ -34,7 +34,7 @@ class Layout:
 
     Attributes
     ----------
-    surface : Surface
+    surface : GroundSurface
         The roads and the ground.
     kinds : Kinds
         Drawings.
@@ -46,14 +46,14 @@ class Layout:
         Where houses stand.
     """
 
-    surface: Surface
+    surface: GroundSurface
     kinds: Kinds
     seed: int
     beside_roads: dict[Square, Instances]
     taken: Footprints
 
     @classmethod
-    def of(cls, surface: Surface, kinds: Kinds, seed: int, positions: Array) -> Layout:
+    def of(cls, surface: GroundSurface, kinds: Kinds, seed: int, positions: Array) -> Layout:
         """Lay out everything along the streets, off the camera's positions (N, 3)."""
         things, taken = Things(), Footprints()
         profile = surface.ground.roads.profile

@@ -18,7 +18,7 @@ from flowlik.simulation.worlds.driving._places import (
     upright,
 )
 from flowlik.simulation.worlds.driving._street import put_plants
-from flowlik.simulation.worlds.driving._surface import Surface
+from flowlik.simulation.worlds.driving._surface import GroundSurface
 from flowlik.support.arrays import Array
 
 _GANTRIES_EVERY_M = 420.0
@@ -28,7 +28,7 @@ _GANTRIES_EVERY_M = 420.0
 class _Side:
     """One side of a carriageway, and what has been put there."""
 
-    surface: Surface
+    surface: GroundSurface
     kinds: Kinds
     street: int
     right: bool
@@ -57,7 +57,7 @@ class _Side:
         put_plants(self.things, self.surface, numbers, places.points, self.rng, scales)
 
 
-def furnish_open_road(surface: Surface, kinds: Kinds, seed: int, street: int, right: bool) -> Things:
+def furnish_open_road(surface: GroundSurface, kinds: Kinds, seed: int, street: int, right: bool) -> Things:
     """Everything on one side of a motorway's carriageway or of a country road."""
     rng = np.random.default_rng([seed, 43, street, right])
     side = _Side(surface, kinds, street, right, rng, Things())

@@ -18,7 +18,7 @@ from flowlik.simulation.worlds.driving._places import (
     standing,
     upright,
 )
-from flowlik.simulation.worlds.driving._surface import BLOCK_M, GREEN, PAVED, Surface
+from flowlik.simulation.worlds.driving._surface import BLOCK_M, GREEN, PAVED, GroundSurface
 from flowlik.support.arrays import Array
 
 _STYLES = ("villa", "row", "green")
@@ -40,7 +40,7 @@ class _Lots:
 
 
 def furnish_street(
-    surface: Surface, kinds: Kinds, seed: int, street: int, right: bool, taken: Footprints
+    surface: GroundSurface, kinds: Kinds, seed: int, street: int, right: bool, taken: Footprints
 ) -> Things:
     """Everything on one side of a street; houses are added to the footprints taken."""
     things = Things()
@@ -75,7 +75,7 @@ def _lots(rng: np.random.Generator, kinds: Kinds, length_m: float) -> _Lots:
 
 def _houses(
     things: Things,
-    surface: Surface,
+    surface: GroundSurface,
     kinds: Kinds,
     street: int,
     right: bool,
@@ -115,7 +115,7 @@ def _houses(
 
 def _boundaries(
     things: Things,
-    surface: Surface,
+    surface: GroundSurface,
     kinds: Kinds,
     street: int,
     right: bool,
@@ -137,12 +137,12 @@ def _boundaries(
         lot = np.clip(np.searchsorted(lots.starts, arc, side="right") - 1, 0, count - 1)
         kept = (chosen[lot] == i) & (np.abs(arc - gates[lot]) > 1.2 + step / 2)
         kept &= free(ground, places, step / 2, out, 0.3) & taken.clear(places.points, 0.8)
-        put_along(things, surface, places[kept], numbers[lot[kept]])
+        _put_along(things, surface, places[kept], numbers[lot[kept]])
 
 
 def _gardens(
     things: Things,
-    surface: Surface,
+    surface: GroundSurface,
     kinds: Kinds,
     street: int,
     right: bool,
@@ -172,7 +172,7 @@ def _gardens(
 
 
 def _strips(
-    things: Things, surface: Surface, kinds: Kinds, street: int, right: bool, rng: np.random.Generator
+    things: Things, surface: GroundSurface, kinds: Kinds, street: int, right: bool, rng: np.random.Generator
 ) -> None:
     """Parked vehicles on paved blocks, trees on green ones, lamps and signs between them."""
     ground, blocks = surface.ground, surface.blocks[street][:, int(right)]
@@ -236,13 +236,13 @@ def _strips(
     things.add(numbers, upright(places.points, ground.surface(places.points), facing))
 
 
-def _spoilt(surface: Surface, places: Places, half_m: float, paint: float) -> NDArray[np.bool_]:
+def _spoilt(surface: GroundSurface, places: Places, half_m: float, paint: float) -> NDArray[np.bool_]:
     """Whether the strip shows some paint half_m before or behind places (N,)."""
     ends = [surface.strip_paint(places.points + s * half_m * places.along) == paint for s in (-1.0, 1.0)]
     return np.asarray(ends[0] | ends[1])
 
 
-def put_along(things: Things, surface: Surface, places: Places, numbers: NDArray[np.int64]) -> None:
+def _put_along(things: Things, surface: GroundSurface, places: Places, numbers: NDArray[np.int64]) -> None:
     """Pieces of a boundary, their x axis along the ground and their front towards the street."""
     x_axis = np.column_stack([places.outward[:, 1], -places.outward[:, 0]])
     directions = surface.ground.slope(places.points, x_axis)
@@ -254,7 +254,7 @@ def put_along(things: Things, surface: Surface, places: Places, numbers: NDArray
 
 def put_plants(
     things: Things,
-    surface: Surface,
+    surface: GroundSurface,
     numbers: NDArray[np.int64],
     points: Array,
     rng: np.random.Generator,
@@ -267,5 +267,5 @@ def put_plants(
     things.add(numbers, upright(points, level, facing, rng.uniform(*scales, len(points))))
 
 
-def _kerb(surface: Surface) -> float:
+def _kerb(surface: GroundSurface) -> float:
     return surface.ground.roads.profile.kerb_m

@@ -29,7 +29,7 @@ _GREEN_SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class GroundSurface:
     """What the ground along roads is made of.
 
     Attributes
@@ -83,7 +83,7 @@ class Surface:
         if crossed.any():
             divided = _cell_triangles(low[crossed], CELL_M, 4 if fine else 1)
             triangles = np.concatenate(
-                [divided, of_distinct(edge, divided.reshape(-1, 2)).reshape(-1, 3, 1)], axis=-1
+                [divided, _of_distinct(edge, divided.reshape(-1, 2)).reshape(-1, 3, 1)], axis=-1
             )
             for band, level in enumerate(bands):
                 below, triangles, border = cut(triangles, level)
@@ -110,7 +110,7 @@ class Surface:
         for name, painted in (("strip", self.strip_paint), ("ground", self._ground_paint)):
             if name in self.materials:
                 chosen = np.repeat(numbers == self.materials[name], 3)
-                paint[chosen] = of_distinct(painted, points[chosen] + corner) if chosen.any() else 0.0
+                paint[chosen] = _of_distinct(painted, points[chosen] + corner) if chosen.any() else 0.0
         return Mesh.of(
             np.column_stack([points[:, 0], heights - raised, points[:, 1]]),
             normals,
@@ -212,14 +212,14 @@ class Surface:
 class _Edges:
     """Distance from the roadway's edge at points (N, 2) counted from a square's corner."""
 
-    surface: Surface
+    surface: GroundSurface
     corner: Array
 
     def __call__(self, points: Array) -> Array:
         return self.surface.ground.roads.edge(points + self.corner)
 
 
-def of_distinct(values: Callable[[Array], Array], points: Array) -> Array:
+def _of_distinct(values: Callable[[Array], Array], points: Array) -> Array:
     """Values (N,) at points (N, 2) of which many are the same: corners that triangles share."""
     # as complex numbers, which sort faster than rows
     distinct, which = np.unique(points[:, 0] + 1j * points[:, 1], return_inverse=True)

@@ -25,7 +25,7 @@ _CHECK_S = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Vehicle:
+class _Vehicle:
     """One moving vehicle.
 
     Attributes
@@ -64,7 +64,7 @@ class Traffic:
     """
 
     ground: Ground
-    vehicles: tuple[Vehicle, ...]
+    vehicles: tuple[_Vehicle, ...]
 
     @property
     def prototypes(self) -> list[int]:
@@ -107,7 +107,7 @@ def make_traffic(
     camera = np.column_stack([np.interp(times_s, frame_s, positions_m[:, i]) for i in (0, 2)])
     rng = np.random.default_rng([seed, 61])
     usual_mps = max(6.0, float(np.median(np.diff(camera_m)) / _CHECK_S))
-    vehicles: list[Vehicle] = []
+    vehicles: list[_Vehicle] = []
     tracks: list[tuple[Array, Array]] = []
     for i in range(count):
         for attempt in range(_TRIES):
@@ -131,7 +131,7 @@ def make_traffic(
 
 def _ahead(
     ground: Ground, kinds: Kinds, times_s: Array, camera_m: Array, rng: np.random.Generator, attempt: int
-) -> Vehicle:
+) -> _Vehicle:
     """Vehicle in the camera's direction: its motion is the camera's, smoother and swaying, farther on."""
     smooth = gaussian_filter1d(camera_m, 2.0 / _CHECK_S, mode="nearest")
     sway = 3.0 * np.sin(2 * np.pi * times_s / rng.uniform(15, 40) + rng.uniform(0, 2 * np.pi))
@@ -139,7 +139,7 @@ def _ahead(
     # vehicles do not drive backwards
     arc = np.maximum.accumulate(smooth + sway + shortest + rng.uniform(0, 10) + 9.0 * attempt)
     kind = "car" if rng.random() < 0.75 else "van"
-    return Vehicle(kinds.pick(rng, kind), ground.roads.profile.lanes_m[1], 1.0, times_s, arc)
+    return _Vehicle(kinds.pick(rng, kind), ground.roads.profile.lanes_m[1], 1.0, times_s, arc)
 
 
 def _oncoming(
@@ -150,16 +150,16 @@ def _oncoming(
     rng: np.random.Generator,
     share: float,
     usual_mps: float,
-) -> Vehicle:
+) -> _Vehicle:
     """Vehicle against the camera's direction, of constant speed; they meet at about a share of the time."""
     meeting_s = share * times_s[-1] + 1.0
     speed_mps = rng.uniform(0.96, 1.04) * usual_mps
     arc = np.interp(meeting_s, times_s, camera_m) - speed_mps * (times_s - meeting_s)
     kind = ("car", "van", "lorry")[rng.choice(3, p=(0.75, 0.15, 0.1))]
-    return Vehicle(kinds.pick(rng, kind), ground.roads.profile.lanes_m[0], -1.0, times_s, arc)
+    return _Vehicle(kinds.pick(rng, kind), ground.roads.profile.lanes_m[0], -1.0, times_s, arc)
 
 
-def _plan(ground: Ground, vehicle: Vehicle, times_s: Array) -> tuple[Array, Array]:
+def _plan(ground: Ground, vehicle: _Vehicle, times_s: Array) -> tuple[Array, Array]:
     """Plan positions and unit directions (N, 2) of a vehicle; straight on where the road ends."""
     line, arc = ground.roads.drive.line, vehicle.arc(times_s)
     points, along = line.at(arc)

@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.simulation.base import Frame, SentAsParameters
-from flowlik.simulation.render.daylight import Light
+from flowlik.simulation.render.daylight import Daylight
 from flowlik.simulation.render.prototypes import Instances, Mesh, Prototype, placed
 from flowlik.simulation.render.raster.packed import Shapes, pack_shapes
 from flowlik.simulation.render.scene import FAR_M, Scene, bounding_spheres, clearance
@@ -23,7 +23,7 @@ from flowlik.simulation.worlds.driving._materials import MATERIALS, material
 from flowlik.simulation.worlds.driving._profiles import profile_of
 from flowlik.simulation.worlds.driving._roads import Roads
 from flowlik.simulation.worlds.driving._route import Route, drive_of
-from flowlik.simulation.worlds.driving._surface import Surface
+from flowlik.simulation.worlds.driving._surface import GroundSurface
 from flowlik.simulation.worlds.driving._traffic import Traffic, make_traffic
 from flowlik.support.arrays import Array
 
@@ -38,7 +38,7 @@ ROAD_RINGS = 9
 
 SHADOW_RADIUS_M = 100.0
 
-_LIGHT = Light(sun=2.5, sky=0.12, haze_per_m=0.0006, horizon=0.75, zenith=0.3)
+_LIGHT = Daylight(sun=2.5, sky=0.12, haze_per_m=0.0006, horizon=0.75, zenith=0.3)
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class DrivingWorld(SentAsParameters):
         Leaves of a street tree.
     samples : int
         Visibility samples a pixel: 16, or 0 for depth alone.
-    light : Light
+    light : Daylight
         Daylight.
 
     Raises
@@ -80,7 +80,7 @@ class DrivingWorld(SentAsParameters):
     frames_per_second: float = 10.0
     leaves: int = 5000
     samples: int = 16
-    light: Light = _LIGHT
+    light: Daylight = _LIGHT
 
     name: ClassVar[str] = "driving"
 
@@ -163,7 +163,7 @@ class DrivingWorld(SentAsParameters):
 
     @cached_property
     def _layout(self) -> Layout:
-        surface = Surface(self._ground, {name: material(name) for name in MATERIALS}, self.seed)
+        surface = GroundSurface(self._ground, {name: material(name) for name in MATERIALS}, self.seed)
         kinds = _kinds(self.seed, self.leaves)
         return Layout.of(surface, kinds, self.seed, self.route.positions_m)
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.simulation.base import Frame, SentAsParameters
-from flowlik.simulation.render.daylight import Light
+from flowlik.simulation.render.daylight import Daylight
 from flowlik.simulation.render.prototypes import Instances, Prototype, placed
 from flowlik.simulation.render.scene import Scene
 from flowlik.simulation.worlds.forest._hills import hills
@@ -42,7 +42,7 @@ class ForestWorld(SentAsParameters):
         Side of the square that is the world [m], a multiple of 32, at least 192; hills stand around it.
     cell_m : float
         Size of the ground's mesh beside the paths [m].
-    light : Light
+    light : Daylight
         Daylight.
 
     Raises
@@ -63,7 +63,7 @@ class ForestWorld(SentAsParameters):
     foliage: float = 1.0
     extent_m: float = 256.0
     cell_m: float = 0.5
-    light: Light = field(default_factory=Light)
+    light: Daylight = field(default_factory=Daylight)
 
     name: ClassVar[str] = "forest"
 

@@ -75,7 +75,7 @@ class HallWorld(SentAsParameters):
 
     def render(self, T_n_c: RigidTransform, camera: Pinhole, time_s: float = 0.0) -> Frame:
         """Anti-aliased picture and exact depth from one pose; at any time the same."""
-        return render_hall(self.surfaces, self._paint, self.samples, T_n_c, camera)
+        return _render_hall(self.surfaces, self._paint, self.samples, T_n_c, camera)
 
     def mover_poses(self, time_s: float) -> None:
         """Return None: nothing moves."""
@@ -83,16 +83,16 @@ class HallWorld(SentAsParameters):
 
     def clearance(self, positions: Array) -> Array:
         """Distance (N,) [m] of positions (N, 3) in {n} to the nearest surface; negative outside the hall."""
-        return hall_clearance(positions, self.surfaces)
+        return _hall_clearance(positions, self.surfaces)
 
     @property
     def surfaces(self) -> Rectangles:
         """The six sides of the hall followed by the rectangles, which keep clear of the centre lines."""
-        return furnished_hall(self.seed, self.rectangles)
+        return _furnished_hall(self.seed, self.rectangles)
 
 
 @lru_cache(maxsize=8)
-def furnished_hall(seed: int, rectangles: int) -> Rectangles:
+def _furnished_hall(seed: int, rectangles: int) -> Rectangles:
     """Sides of the hall followed by random rectangles, which keep clear of the centre lines."""
     rng = np.random.default_rng([seed, 1])
     surfaces, free_m = box(HALL_LOW_M, HALL_HIGH_M, overlap_m=1.0), keep_free()
@@ -103,7 +103,7 @@ def furnished_hall(seed: int, rectangles: int) -> Rectangles:
     return surfaces
 
 
-def hall_clearance(positions: Array, surfaces: Rectangles) -> Array:
+def _hall_clearance(positions: Array, surfaces: Rectangles) -> Array:
     """Distance (N,) [m] of positions (N, 3) in {n} to the nearest surface; negative outside the hall."""
     positions = np.atleast_2d(np.asarray(positions, dtype=np.float64))
     nearest_m = distances_m(positions, surfaces).min(axis=1)
@@ -111,7 +111,7 @@ def hall_clearance(positions: Array, surfaces: Rectangles) -> Array:
     return np.where(inside, nearest_m, -nearest_m)
 
 
-def render_hall(
+def _render_hall(
     surfaces: Rectangles, paint: Paint, samples: int, T_n_c: RigidTransform, camera: Pinhole
 ) -> Frame:
     """Anti-aliased picture and exact depth from one pose.

@@ -1,95 +1,14 @@
-"""Compiled: from prototypes to triangles on the screen, and back to a triangle's corners in space."""
+"""Compiled: triangles of copies projected onto the screen."""
 
 # mypy: disable-error-code=no-untyped-def
 
 import numpy as np
 
 from flowlik.simulation.render._compile import inlined, kernel
+from flowlik.simulation.render.raster._corners import STEP
 from flowlik.simulation.render.raster.packed import OUTLINE
 
-STEP = OUTLINE + 2
-NEAR_M = 0.02
-
-
-@inlined
-def leaf_corner(shapes, p, leaf, scale, part, corner):
-    """Corner (3,) of a leaf's triangle in its prototype's axes; parts from OUTLINE on make the rhombus."""
-    shape = shapes.outlines[p]
-    if part < OUTLINE:
-        vertex = shapes.outline_vertices[shape, shapes.outline_triangles[shape, part, corner]]
-        s, t, h = 1.0 * vertex[0], 1.0 * vertex[1], 1.0 * vertex[2]
-    else:
-        size = scale * shapes.outline_rhombus[shape]
-        # stem, one side, tip, other side: two triangles that share the midrib
-        t, h = 0.0, 0.0
-        s = -size if corner == 0 else size if corner == 1 else 0.0
-        if corner == 2:
-            t = size if part == OUTLINE else -size
-    a, b = shapes.leaf_along[leaf], shapes.leaf_across[leaf]
-    centre = shapes.leaf_centres[leaf]
-    a0, a1, a2 = np.float64(a[0]), np.float64(a[1]), np.float64(a[2])
-    b0, b1, b2 = np.float64(b[0]), np.float64(b[1]), np.float64(b[2])
-    # h is in units of the half length, along the leaf's geometric normal
-    n0, n1, n2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
-    h /= np.sqrt(b0 * b0 + b1 * b1 + b2 * b2)
-    return (
-        centre[0] + s * a0 + t * b0 + h * n0,
-        centre[1] + s * a1 + t * b1 + h * n1,
-        centre[2] + s * a2 + t * b2 + h * n2,
-    )
-
-
-@inlined
-def corner_of(shapes, drawn, copy, part, corner):
-    """Corner of one triangle of one copy in its prototype's axes.
-
-    Parts below the mesh's number of triangles are these; the others count the leaves' triangles.
-    """
-    p = drawn.prototypes[copy]
-    mesh = shapes.triangle_starts[p + 1] - shapes.triangle_starts[p]
-    if part < mesh:
-        v = shapes.vertices[
-            shapes.vertex_starts[p] + shapes.triangles[shapes.triangle_starts[p] + part, corner]
-        ]
-        return np.float64(v[0]), np.float64(v[1]), np.float64(v[2])
-    leaf = shapes.leaf_starts[p] + (part - mesh) // STEP
-    return leaf_corner(shapes, p, leaf, drawn.leaf_scale[copy], (part - mesh) % STEP, corner)
-
-
-@inlined
-def corner_in_space(shapes, drawn, copy, part, corner, origin):
-    """Corner of one triangle in {n}, relative to an origin (3,) [m]."""
-    a, b, c = corner_of(shapes, drawn, copy, part, corner)
-    m = drawn.transforms[copy]
-    return (
-        m[0, 0] * a + m[0, 1] * b + m[0, 2] * c + (m[0, 3] - origin[0]),
-        m[1, 0] * a + m[1, 1] * b + m[1, 2] * c + (m[1, 3] - origin[1]),
-        m[2, 0] * a + m[2, 1] * b + m[2, 2] * c + (m[2, 3] - origin[2]),
-    )
-
-
-@kernel
-def corners_in_space(shapes, drawn, origin, corners):
-    """Write the corners (F, 3, 3) [m] of all triangles drawn, copy by copy, in {n} relative to an origin."""
-    count = 0
-    for copy in range(len(drawn.prototypes)):
-        p = drawn.prototypes[copy]
-        mesh = shapes.triangle_starts[p + 1] - shapes.triangle_starts[p]
-        for part in range(mesh + drawn.leaves[copy] * STEP):
-            if part < mesh:
-                if part >= drawn.parts[copy]:
-                    continue
-            else:
-                leaf, side = (part - mesh) // STEP, (part - mesh) % STEP
-                is_fine = leaf < drawn.fine[copy]
-                if is_fine and side >= shapes.outline_sizes[shapes.outlines[p], 1]:
-                    continue
-                if not is_fine and side < OUTLINE:
-                    continue
-            for corner in range(3):
-                x, y, z = corner_in_space(shapes, drawn, copy, part, corner, origin)
-                corners[count, corner, 0], corners[count, corner, 1], corners[count, corner, 2] = x, y, z
-            count += 1
+_NEAR_M = 0.02
 
 
 @kernel
@@ -113,14 +32,14 @@ def _add(screen, owner, count, copy, part, corners, fx, fy, cx, cy, width, heigh
     kept = 0
     for e in range(3):
         a, b = corners[e], corners[(e + 1) % 3]
-        a_in, b_in = a[2] > NEAR_M, b[2] > NEAR_M
+        a_in, b_in = a[2] > _NEAR_M, b[2] > _NEAR_M
         if a_in:
             w = 1.0 / a[2]
             cut[kept, 0], cut[kept, 1], cut[kept, 2] = a[0] * w * fx + cx, a[1] * w * fy + cy, w
             kept += 1
         if a_in != b_in:
-            f = (NEAR_M - a[2]) / (b[2] - a[2])
-            w = 1.0 / NEAR_M
+            f = (_NEAR_M - a[2]) / (b[2] - a[2])
+            w = 1.0 / _NEAR_M
             cut[kept, 0] = (a[0] + f * (b[0] - a[0])) * w * fx + cx
             cut[kept, 1] = (a[1] + f * (b[1] - a[1])) * w * fy + cy
             cut[kept, 2] = w
@@ -154,7 +73,7 @@ def to_screen(
     screen : array (K, 9) float32
         Written: column, row [px] and inverse depth [1/m] of each corner.
     owner : array (K, 2) int32
-        Written: copy and part of each triangle, as `corner_of` takes them.
+        Written: copy and part of each triangle, as `_corners.corner_in_space` takes them.
     """
     fx, fy, cx, cy = camera
     count = 0
@@ -197,9 +116,9 @@ def to_screen(
                 * (abs(along[0]) + abs(along[1]) + abs(along[2]))
                 * max(1.0, drawn.leaf_scale[copy])
             )
-            if z + reach < NEAR_M:
+            if z + reach < _NEAR_M:
                 continue
-            if z - reach > NEAR_M:
+            if z - reach > _NEAR_M:
                 w, near = 1.0 / z, 1.0 / (z - reach)
                 x = (q[0, 0] * centre[0] + q[0, 1] * centre[1] + q[0, 2] * centre[2] + q[0, 3]) * w * fx + cx
                 y = (q[1, 0] * centre[0] + q[1, 1] * centre[1] + q[1, 2] * centre[2] + q[1, 3]) * w * fy + cy
@@ -251,7 +170,7 @@ def _project(point, a, b, c, q, fx, fy, cx, cy):
     x = q[0, 0] * a + q[0, 1] * b + q[0, 2] * c + q[0, 3]
     y = q[1, 0] * a + q[1, 1] * b + q[1, 2] * c + q[1, 3]
     z = q[2, 0] * a + q[2, 1] * b + q[2, 2] * c + q[2, 3]
-    if z > NEAR_M:
+    if z > _NEAR_M:
         w = 1.0 / z
         point[0], point[1], point[2], point[3], point[4] = x * w * fx + cx, y * w * fy + cy, w, 1.0, z
     else:

@@ -14,18 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, uniform_filter
 
-from flowlik.simulation.render.textures.noise import TILE_PX, noise, standardised
-
-Tile = NDArray[np.float32]
+from flowlik.simulation.render.textures.noise import TILE_PX, Tile, noise, standardised
 
 
-def asphalt(rng: np.random.Generator) -> Tile:
+def _asphalt(rng: np.random.Generator) -> Tile:
     """Fine aggregate with weak stains; for a period of 1.5 to 4 m."""
     stones = standardised(noise(rng, TILE_PX, 0.35) + noise(rng, TILE_PX, 0.8))
     return _toned(0.5 + 0.19 * stones + 0.05 * noise(rng, TILE_PX, 1.7))
 
 
-def road_wear(rng: np.random.Generator) -> Tile:
+def _road_wear(rng: np.random.Generator) -> Tile:
     """Patches, sealed cracks and stains of a whole road; for a period of 15 to 25 m."""
     tile = 0.52 + 0.035 * noise(rng, TILE_PX, 1.6)
     for _ in range(7):
@@ -36,7 +34,7 @@ def road_wear(rng: np.random.Generator) -> Tile:
     return _toned(tile)
 
 
-def concrete(rng: np.random.Generator) -> Tile:
+def _concrete(rng: np.random.Generator) -> Tile:
     """Weak stains and pores; for a period of 2 to 5 m."""
     pores = noise(rng, TILE_PX, 0.2)
     return _toned(
@@ -44,25 +42,25 @@ def concrete(rng: np.random.Generator) -> Tile:
     )
 
 
-def paving(rng: np.random.Generator) -> Tile:
+def _paving(rng: np.random.Generator) -> Tile:
     """Slabs of two sizes in courses with dark joints; 3 m hold 10 courses."""
     grain = 0.05 * noise(rng, TILE_PX, 0.5) + 0.06 * noise(rng, TILE_PX, 1.6)
     return _toned(_courses(rng, 10, 10, joint=0.035, tone=0.16, joint_grey=0.12) + grain)
 
 
-def plaster(rng: np.random.Generator) -> Tile:
+def _plaster(rng: np.random.Generator) -> Tile:
     """Nearly even rough-cast with faint streaks; for a period of 2 to 6 m."""
     streaks = uniform_filter(noise(rng, TILE_PX, 1.0), (161, 1), mode="wrap")
     return _toned(0.5 + 0.06 * noise(rng, TILE_PX, 0.5) + 0.06 * noise(rng, TILE_PX, 1.7) + 0.02 * streaks)
 
 
-def brick(rng: np.random.Generator) -> Tile:
+def _brick(rng: np.random.Generator) -> Tile:
     """Stretcher bond with light mortar; 2 m hold 8 by 26 bricks."""
     grain = 0.05 * noise(rng, TILE_PX, 0.7) + 0.05 * noise(rng, TILE_PX, 1.6)
     return _toned(_courses(rng, 26, 8, joint=0.09, tone=0.3, joint_grey=0.8) - 0.06 + grain)
 
 
-def roof_tiles(rng: np.random.Generator) -> Tile:
+def _roof_tiles(rng: np.random.Generator) -> Tile:
     """Overlapping pantiles, rows running up the roof; 3 m hold 9 by 12."""
     row, column = np.mgrid[0:TILE_PX, 0:TILE_PX] / TILE_PX * np.array([9, 12])[:, None, None]
     up, across = row % 1, column % 1
@@ -71,12 +69,13 @@ def roof_tiles(rng: np.random.Generator) -> Tile:
     return _toned(tile + 0.06 * noise(rng, TILE_PX, 0.9) + 0.08 * noise(rng, TILE_PX, 1.7))
 
 
-def facade(rng: np.random.Generator, style: str) -> Tile:
+def _facade(rng: np.random.Generator, style: str) -> Tile:
     """Plastered or brick wall of 2 storeys by 2 bays of windows; for a period of 6 m."""
     wall = 0.56 + 0.025 * noise(rng, TILE_PX, 0.6) + 0.03 * noise(rng, TILE_PX, 1.7)
     if style == "c":
         wall = 0.42 + 0.6 * (
-            np.tile(cv2.resize(brick(rng), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), (2, 2)) - 0.42
+            np.tile(cv2.resize(_brick(rng), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), (2, 2))
+            - 0.42
         )
     if style == "b":  # string courses between the storeys
         wall[::512], wall[1:30], wall[512:542] = 0.2, 0.72, 0.72
@@ -88,7 +87,7 @@ def facade(rng: np.random.Generator, style: str) -> Tile:
     return _toned(wall)
 
 
-def shopfront(rng: np.random.Generator) -> Tile:
+def _shopfront(rng: np.random.Generator) -> Tile:
     """Show windows between pillars, under lettered boards; for a period of 4 m, a storey high."""
     tile = 0.5 + 0.03 * noise(rng, TILE_PX, 1.2)
     for left in (40, 552):
@@ -102,19 +101,19 @@ def shopfront(rng: np.random.Generator) -> Tile:
     return _toned(tile)
 
 
-def car_paint(rng: np.random.Generator) -> Tile:
+def _car_paint(rng: np.random.Generator) -> Tile:
     """Almost even, with soft reflections in bands of height; for a period of 3 m."""
     bands = uniform_filter(noise(rng, TILE_PX, 1.5), (9, 257), mode="wrap")
     return _toned(0.5 + 0.05 * standardised(bands) + 0.012 * noise(rng, TILE_PX, 0.4))
 
 
-def glass(rng: np.random.Generator) -> Tile:
+def _glass(rng: np.random.Generator) -> Tile:
     """Dark panes that mirror soft shapes of sky and trees; for a period of 3 m."""
     soft = np.tanh(2 * noise(rng, TILE_PX, 1.7))
     return _toned(0.45 + 0.2 * soft + 0.02 * noise(rng, TILE_PX, 0.7))
 
 
-def posters(rng: np.random.Generator) -> Tile:
+def _posters(rng: np.random.Generator) -> Tile:
     """Signs and posters, 4 by 4 different ones; a sign shows one quarter of the period."""
     tile = np.full((TILE_PX, TILE_PX), 0.85, np.float32)
     for row in range(4):
@@ -123,7 +122,7 @@ def posters(rng: np.random.Generator) -> Tile:
     return _toned(tile)
 
 
-def fence(rng: np.random.Generator) -> Tile:
+def _fence(rng: np.random.Generator) -> Tile:
     """Upright boards with dark gaps and two rails; 2 m hold 16 boards."""
     column = np.arange(TILE_PX) / TILE_PX * 16
     tone = 0.55 + rng.uniform(-0.12, 0.12, 16)[column.astype(int)]
@@ -132,7 +131,7 @@ def fence(rng: np.random.Generator) -> Tile:
     return _toned(boards + 0.08 * standardised(grain) + 0.03 * noise(rng, TILE_PX, 1.5))
 
 
-def hedge(rng: np.random.Generator) -> Tile:
+def _hedge(rng: np.random.Generator) -> Tile:
     """Clipped small leaves, bright on dark gaps; for a period of 1.5 to 2 m."""
     tile = np.full((TILE_PX, TILE_PX), 0.1, np.float32)
     for centre, size, tilt, grey in zip(
@@ -147,22 +146,22 @@ def hedge(rng: np.random.Generator) -> Tile:
 
 
 BUILT_TILES: dict[str, Callable[[np.random.Generator], NDArray[np.float32]]] = {
-    "asphalt": asphalt,
-    "road-wear": road_wear,
-    "concrete": concrete,
-    "paving": paving,
-    "plaster": plaster,
-    "brick": brick,
-    "roof-tiles": roof_tiles,
-    "facade-a": partial(facade, style="a"),
-    "facade-b": partial(facade, style="b"),
-    "facade-c": partial(facade, style="c"),
-    "shopfront": shopfront,
-    "car-paint": car_paint,
-    "glass": glass,
-    "posters": posters,
-    "fence": fence,
-    "hedge": hedge,
+    "asphalt": _asphalt,
+    "road-wear": _road_wear,
+    "concrete": _concrete,
+    "paving": _paving,
+    "plaster": _plaster,
+    "brick": _brick,
+    "roof-tiles": _roof_tiles,
+    "facade-a": partial(_facade, style="a"),
+    "facade-b": partial(_facade, style="b"),
+    "facade-c": partial(_facade, style="c"),
+    "shopfront": _shopfront,
+    "car-paint": _car_paint,
+    "glass": _glass,
+    "posters": _posters,
+    "fence": _fence,
+    "hedge": _hedge,
 }
 """Makers of tiles (TILE_PX, TILE_PX) within 0 to 1, whose opposite borders match."""
 

@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft2
 
-from flowlik.simulation.render.textures.noise import TILE_PX, noise, standardised
+from flowlik.simulation.render.textures.noise import TILE_PX, Tile, noise, standardised
 from flowlik.support.arrays import Array
 
-Tile = NDArray[np.float32]
 _CENTRES = np.array([[i, j] for i in (-1, 0, 1) for j in (-1, 0, 1)]) * TILE_PX
 
 
-def litter(rng: np.random.Generator) -> Tile:
+def _litter(rng: np.random.Generator) -> Tile:
     """Fallen leaves of all greys over each other, with twigs; for a period of 1.5 to 2.5 m."""
     ground = 70 + 22 * noise(rng, TILE_PX, 1.2)
     count = 4600
@@ -36,7 +35,7 @@ def litter(rng: np.random.Generator) -> Tile:
     return _toned(tile + 12 * noise(rng, TILE_PX, 0.9), 0.55)
 
 
-def grass(rng: np.random.Generator) -> Tile:
+def _grass(rng: np.random.Generator) -> Tile:
     """Bent blades on dark ground, the lower ones darker; for a period of 1.5 to 2.5 m."""
     ground = 50 + 20 * noise(rng, TILE_PX, 1.3)
     count = 9000
@@ -47,14 +46,14 @@ def grass(rng: np.random.Generator) -> Tile:
     return _toned(tile + 14 * noise(rng, TILE_PX, 1.2) + 6 * noise(rng, TILE_PX, 0.5), 0.5)
 
 
-def earth(rng: np.random.Generator) -> Tile:
+def _earth(rng: np.random.Generator) -> Tile:
     """Trodden soil: weak stains, few pebbles; for a period of 2 to 4 m."""
     soil = 128 + 14 * noise(rng, TILE_PX, 1.4) + 4 * noise(rng, TILE_PX, 0.5)
     pebbles = _turned(_stone(rng), *_strewn(rng, 420, (2, 9), (0.6, 1.0)))
     return _toned(_painted(soil, pebbles, rng.normal(128, 28, 420)), 0.28)
 
 
-def gravel(rng: np.random.Generator) -> Tile:
+def _gravel(rng: np.random.Generator) -> Tile:
     """Stones on stones with a light and a dark side; for a period of 1 to 2 m."""
     ground = 70 + 20 * noise(rng, TILE_PX, 1.2)
     count = 6500
@@ -69,14 +68,14 @@ def gravel(rng: np.random.Generator) -> Tile:
     return _toned(tile + 10 * noise(rng, TILE_PX, 1.0), 0.5)
 
 
-def bark(rng: np.random.Generator) -> Tile:
+def _bark(rng: np.random.Generator) -> Tile:
     """Ridges that split and join along the trunk, which runs down the rows; for a period of 0.8 to 1.2 m."""
     coarse, fine = _stretched_noise(rng, 1.9, 6.0, 14), _stretched_noise(rng, 1.5, 3.5, 30)
     furrows = np.sqrt(np.abs(coarse) + 0.02) + 0.35 * np.sqrt(np.abs(fine) + 0.02)
     return _toned(standardised(furrows) + 0.3 * fine + 0.45 * noise(rng, TILE_PX, 1.1), 0.6)
 
 
-def bark_conifer(rng: np.random.Generator) -> Tile:
+def _bark_conifer(rng: np.random.Generator) -> Tile:
     """Plates, longer along the trunk, between dark cracks; for a period of 0.8 to 1.2 m."""
     plate, inside = _cells(rng, 520, stretch=2)
     tone = rng.uniform(-1, 1, 521)[plate]
@@ -86,7 +85,7 @@ def bark_conifer(rng: np.random.Generator) -> Tile:
     return _toned(0.55 * tone - 1.6 * cracks + 0.3 * np.minimum(inside / 25, 1) + 0.45 * scales, 0.5)
 
 
-def rock(rng: np.random.Generator) -> Tile:
+def _rock(rng: np.random.Generator) -> Tile:
     """Weathered stone with cracks and lichen; for a period of 1 to 2 m."""
     grain = noise(rng, TILE_PX, 1.15)
     block, inside = _cells(rng, 30, stretch=1)
@@ -96,20 +95,20 @@ def rock(rng: np.random.Generator) -> Tile:
     return _toned(grain + 0.3 * rng.uniform(-1, 1, 31)[block] - 1.8 * cracks + 0.012 * lichen, 0.5)
 
 
-def leaf(rng: np.random.Generator) -> Tile:
+def _leaf(rng: np.random.Generator) -> Tile:
     """Weak veins; for a period of 0.1 to 0.3 m."""
     _, inside = _cells(rng, 900, stretch=1)
     return _toned(0.6 * np.exp(-((inside / 2.5) ** 2)) + noise(rng, TILE_PX, 1.4), 0.3)
 
 
-def moss(rng: np.random.Generator) -> Tile:
+def _moss(rng: np.random.Generator) -> Tile:
     """Cushions of small tufts; for a period of 0.8 to 2 m."""
     cushion, inside = _cells(rng, 240, stretch=1)
     height = np.minimum(inside / 30, 1) + 0.5 * rng.uniform(-1, 1, 241)[cushion]
     return _toned(height + 0.7 * noise(rng, TILE_PX, 0.75), 0.5)
 
 
-def canopy(rng: np.random.Generator) -> Tile:
+def _canopy(rng: np.random.Generator) -> Tile:
     """Crowns of a wood seen from afar, lit from the top rows; for a period of 40 to 70 m."""
     count, boughs = 620, 22
     places, sizes, _ = _strewn(rng, count, (30, 60), (0.9, 1.3))
@@ -127,29 +126,29 @@ def canopy(rng: np.random.Generator) -> Tile:
     return _toned(tile + 20 * noise(rng, TILE_PX, 0.7), 0.5)
 
 
-def macro(rng: np.random.Generator) -> Tile:
+def _macro(rng: np.random.Generator) -> Tile:
     """Soft spots of every size, 1/f^2; for a period of 10 to 100 m."""
     return _toned(noise(rng, TILE_PX, 1.6), 0.55)
 
 
-def clouds(rng: np.random.Generator) -> Tile:
+def _clouds(rng: np.random.Generator) -> Tile:
     """Cover of the sky, 0 clear to 1 cloud."""
     return _toned(noise(rng, TILE_PX, 1.5) - 0.15 * np.abs(noise(rng, TILE_PX, 1.1)), 0.9)
 
 
 NATURAL_TILES: dict[str, Callable[[np.random.Generator], Tile]] = {
-    "litter": litter,
-    "grass": grass,
-    "earth": earth,
-    "gravel": gravel,
-    "bark": bark,
-    "bark-conifer": bark_conifer,
-    "rock": rock,
-    "leaf": leaf,
-    "moss": moss,
-    "canopy": canopy,
-    "macro": macro,
-    "clouds": clouds,
+    "litter": _litter,
+    "grass": _grass,
+    "earth": _earth,
+    "gravel": _gravel,
+    "bark": _bark,
+    "bark-conifer": _bark_conifer,
+    "rock": _rock,
+    "leaf": _leaf,
+    "moss": _moss,
+    "canopy": _canopy,
+    "macro": _macro,
+    "clouds": _clouds,
 }
 """Makers of tiles (TILE_PX, TILE_PX) within 0 to 1, whose opposite borders match."""
 
