@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.flow import LucasKanade
 from flowlik.image.sampling import sample_flow
 from flowlik.measurement.measurements import measure
-from flowlik.simulation import IDEAL_SENSOR, SimulatedSequence
+from flowlik.simulation import IDEAL_SENSOR, Flight, SimulatedSequence
 from naturalness import depth_smooth, texture_levels
 
 Array = NDArray[np.float64]
@@ -101,7 +101,7 @@ def leftover_flow(sequence: SimulatedSequence, k: int, method: LucasKanade, most
 def there_and_back(sequence: SimulatedSequence) -> tuple[SimulatedSequence, SimulatedSequence]:
     """Return a flight without sensor effects, and the same flown backwards."""
     return tuple(
-        SimulatedSequence(sequence.world, poses, sequence.camera, IDEAL_SENSOR, trajectory=name)
+        SimulatedSequence(sequence.world, Flight.of(poses, name=name), sequence.camera, IDEAL_SENSOR)
         for name, poses in (("there", sequence.poses), ("back", sequence.poses[::-1]))
     )  # type: ignore[return-value]
 
@@ -125,7 +125,9 @@ def creep(sequence: SimulatedSequence, frames: list[int], step_m: float) -> Cree
     for k in frames:
         for n in CREEP_STEPS:
             aside = RigidTransform.from_translation([[0, 0, 0], [n * step_m, 0, 0]])
-            pair = SimulatedSequence(sequence.world, sequence.T_n_c(k) * aside, sequence.camera, IDEAL_SENSOR)
+            pair = SimulatedSequence(
+                sequence.world, Flight.of(sequence.T_n_c(k) * aside), sequence.camera, IDEAL_SENSOR
+            )
             of_step[n].append(residuals(pair, 0))
             error, truth = lucas_kanade_errors(pair, 0, LucasKanade(), 5000)
             errors.append(error[:, 0])

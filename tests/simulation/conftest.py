@@ -1,7 +1,7 @@
 import pytest
 
 from flowlik.geometry.camera import Pinhole
-from flowlik.simulation import IDEAL_SENSOR, PlanesWorld, SimulatedSequence
+from flowlik.simulation import IDEAL_SENSOR, Flight, PlanesWorld, SimulatedSequence
 from flowlik.simulation.flight.trajectories import straight, training
 
 
@@ -12,9 +12,9 @@ def camera() -> Pinhole:
 
 @pytest.fixture(scope="session")
 def straight_ideal(camera: Pinhole) -> SimulatedSequence:
-    return SimulatedSequence(PlanesWorld(), straight(200), camera, IDEAL_SENSOR)
+    return SimulatedSequence(PlanesWorld(), Flight.of(straight(200)), camera, IDEAL_SENSOR)
 
 
 @pytest.fixture(scope="session")
 def training_noisy(camera: Pinhole) -> SimulatedSequence:
-    return SimulatedSequence(PlanesWorld(), training(400), camera)
+    return SimulatedSequence(PlanesWorld(), Flight.of(training(400)), camera)

@@ -3,7 +3,7 @@
 from flowlik.simulation.flight.scenario import WORLDS, simulate
 from flowlik.simulation.flight.sensor import IDEAL_SENSOR, Sensor
 from flowlik.simulation.flight.sequence import PAPER_CAMERA, SimulatedSequence
-from flowlik.simulation.flight.trajectories import TRAJECTORIES, lap_frames
+from flowlik.simulation.flight.trajectories import TRAJECTORIES, Flight, lap_frames
 from flowlik.simulation.flight.write import write_sequence
 from flowlik.simulation.worlds.planes.grid import GridWorld
 from flowlik.simulation.worlds.planes.world import PlanesWorld
@@ -13,6 +13,7 @@ __all__ = [
     "PAPER_CAMERA",
     "TRAJECTORIES",
     "WORLDS",
+    "Flight",
     "GridWorld",
     "PlanesWorld",
     "Sensor",

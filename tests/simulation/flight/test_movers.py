@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.datasets.base import Visibility
 from flowlik.geometry.camera import Pinhole
-from flowlik.simulation import IDEAL_SENSOR, SimulatedSequence
+from flowlik.simulation import IDEAL_SENSOR, Flight, SimulatedSequence
 from tests.simulation.flight.moving import MovingWorld
 
 K = 3
@@ -20,7 +20,7 @@ def sequence() -> SimulatedSequence:
     turns = Rotation.from_rotvec(steps * [0.004, 0.02, -0.01])
     poses = RigidTransform.from_components(steps * [-0.03, 0.01, 0.1], turns)
     camera = Pinhole.from_fov(320, 180, 80.0)
-    return SimulatedSequence(MovingWorld(), poses, camera, IDEAL_SENSOR, frames_per_second=20.0)
+    return SimulatedSequence(MovingWorld(), Flight.of(poses, 20.0), camera, IDEAL_SENSOR)
 
 
 def test_every_body_is_seen(sequence: SimulatedSequence) -> None:
@@ -45,7 +45,7 @@ def test_flow_of_moving_things_is_their_own(sequence: SimulatedSequence) -> None
         flow = sequence.flow(K).reshape(-1, 2)[mine]
         np.testing.assert_allclose(flow, ends[:, 0] - pixels[mine], atol=1e-6)
     # it is not the flow of the static world
-    still = SimulatedSequence(_Frozen(K), sequence.poses, camera, IDEAL_SENSOR, frames_per_second=20.0)
+    still = SimulatedSequence(_Frozen(K), Flight.of(sequence.poses, 20.0), camera, IDEAL_SENSOR)
     own = np.linalg.norm(sequence.flow(K) - still.flow(K), axis=-1)
     assert own[frame.movers == 0].min() > 1 and own[frame.movers < 0].max() == 0
 
@@ -92,7 +92,7 @@ def test_classes_of_visibility(sequence: SimulatedSequence) -> None:
 def test_time_moves_things_even_if_the_camera_stands_still() -> None:
     poses = RigidTransform.from_translation(np.zeros((3, 3)))
     camera = Pinhole.from_fov(160, 90, 80.0)
-    sequence = SimulatedSequence(MovingWorld(), poses, camera, IDEAL_SENSOR, frames_per_second=10.0)
+    sequence = SimulatedSequence(MovingWorld(), Flight.of(poses, 10.0), camera, IDEAL_SENSOR)
     assert sequence.image(0).tobytes() != sequence.image(1).tobytes()
     flow, movers = sequence.flow(0), sequence.frame(0).movers
     np.testing.assert_allclose(flow[movers < 0], 0, atol=1e-12)
@@ -101,9 +101,8 @@ def test_time_moves_things_even_if_the_camera_stands_still() -> None:
 
 
 def test_the_worlds_clock_begins_with_the_first_frame(sequence: SimulatedSequence) -> None:
-    late = SimulatedSequence(
-        MovingWorld(), sequence.poses, sequence.camera, IDEAL_SENSOR, timestamps=1e9 + np.arange(6) / 20
-    )
+    flight = Flight(sequence.poses, 1e9 + np.arange(6) / 20, 20.0)
+    late = SimulatedSequence(MovingWorld(), flight, sequence.camera, IDEAL_SENSOR)
     assert late.timestamp(1) == 1e9 + 0.05
     np.testing.assert_allclose(late.flow(K), sequence.flow(K), atol=1e-3)
 

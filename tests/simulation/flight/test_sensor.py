@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
-from flowlik.simulation import IDEAL_SENSOR, PlanesWorld, Sensor, SimulatedSequence
+from flowlik.simulation import IDEAL_SENSOR, Flight, PlanesWorld, Sensor, SimulatedSequence
 from flowlik.simulation.base import Frame
 from flowlik.simulation.flight.sensor import displayed, motion_blurred, noisy, point_spread, vignetted
 from flowlik.simulation.flight.trajectories import training
@@ -142,7 +142,7 @@ def sharp_blurred_and_oracle(world, poses, camera, exposure_s, k):
     """Images of frame k without motion blur, blurred along its flow, and averaged over 16 sub-frames."""
     settings = ((0.0, 0), (exposure_s, 0), (exposure_s, 16))
     sensors = [replace(IDEAL_SENSOR, exposure_s=time_s, subframes=count) for time_s, count in settings]
-    return [SimulatedSequence(world, poses, camera, s).image(k).astype(float) for s in sensors]
+    return [SimulatedSequence(world, Flight.of(poses), camera, s).image(k).astype(float) for s in sensors]
 
 
 def rms(values) -> float:
@@ -183,7 +183,7 @@ def test_same_bytes_for_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -
 
 def test_the_default_sensor_costs_little_beside_rendering() -> None:
     camera = Pinhole.from_fov(640, 360, 120.0)
-    sequence = SimulatedSequence(PlanesWorld(), training(3), camera)
+    sequence = SimulatedSequence(PlanesWorld(), Flight.of(training(3)), camera)
     sequence.image(0)
     spent_s = []
     for _ in range(5):

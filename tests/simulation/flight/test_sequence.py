@@ -13,7 +13,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from flowlik.datasets.base import true_flow
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.geometry.camera import Pinhole
-from flowlik.simulation import IDEAL_SENSOR, PlanesWorld, Sensor, SimulatedSequence, simulate
+from flowlik.simulation import IDEAL_SENSOR, Flight, PlanesWorld, Sensor, SimulatedSequence, simulate
 from flowlik.simulation.flight.trajectories import straight
 
 
@@ -76,7 +76,7 @@ def test_lucas_kanade_shows_no_half_pixel_bias(camera: Pinhole) -> None:
     there = RigidTransform.from_translation(np.linspace([-0.75, 0.3, 20], [0.75, -0.3, 20.5], 13))
     biases = []
     for poses in (there, there[::-1]):
-        sequence, errors = SimulatedSequence(PlanesWorld(), poses, camera, IDEAL_SENSOR), []
+        sequence, errors = SimulatedSequence(PlanesWorld(), Flight.of(poses), camera, IDEAL_SENSOR), []
         for k in range(0, 12, 3):
             image, later = sequence.image(k), sequence.image(k + 1)
             wanted = sequence.visible(k) & depth_smooth(sequence.depth(k)) & (eigenvalues(image)[1] > 20)
@@ -92,7 +92,9 @@ def test_lucas_kanade_shows_no_half_pixel_bias(camera: Pinhole) -> None:
 
 
 def test_texture_spreads_over_many_decades(training_noisy: SimulatedSequence) -> None:
-    ideal = SimulatedSequence(PlanesWorld(), training_noisy.poses, training_noisy.camera, IDEAL_SENSOR)
+    ideal = SimulatedSequence(
+        PlanesWorld(), Flight.of(training_noisy.poses), training_noisy.camera, IDEAL_SENSOR
+    )
     for sequence in (training_noisy, ideal):
         t1, t2 = np.stack([eigenvalues(sequence.image(k)) for k in range(0, 400, 50)], axis=1)
         assert np.quantile(t2, 0.05) < 0.3 and np.quantile(t2, 0.99) > 150
@@ -173,38 +175,56 @@ def test_time_and_length(straight_ideal: SimulatedSequence) -> None:
 def test_poses_too_near_or_outside_are_refused(position: list[float], message: str) -> None:
     poses = RigidTransform.from_translation([[0, 0, 0], position])
     with pytest.raises(DataError, match=message):
-        SimulatedSequence(PlanesWorld(), poses)
+        SimulatedSequence(PlanesWorld(), Flight.of(poses))
 
 
 def test_one_pose_is_not_a_sequence_of_poses() -> None:
     with pytest.raises(DataError, match="array of at least one pose"):
-        SimulatedSequence(PlanesWorld(), RigidTransform.identity())
+        Flight.of(RigidTransform.identity())
 
 
 def test_poses_that_are_not_finite_are_refused() -> None:
     poses = RigidTransform.from_translation([[0, 0, 0], [0, 0, np.nan]])
     with pytest.raises(DataError, match="pose of frame 1 is not finite"):
-        SimulatedSequence(PlanesWorld(), poses)
+        Flight.of(poses)
+
+
+@pytest.mark.parametrize("frames_per_second", [0.0, np.nan])
+def test_an_impossible_frame_rate_is_refused(frames_per_second: float) -> None:
+    with pytest.raises(DataError, match=f"frame rate {frames_per_second} must be positive"):
+        Flight.of(straight(3), frames_per_second)
+    with pytest.raises(DataError, match=f"frame rate {frames_per_second} must be positive"):
+        Flight(straight(3), np.arange(3.0), frames_per_second)
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"frames_per_second": 0.0}, "frame rate 0.0 must be positive"),
-        ({"frames_per_second": np.nan}, "frame rate nan"),
-        ({"timestamps": np.array([0.0, 1.0])}, "2 timestamps for 3 poses"),
-        ({"timestamps": np.array([0.0, 1.0, 1.0])}, "times must increase"),
-        ({"baseline_m": -0.1}, "baseline -0.1 m must be positive"),
-        ({"baseline_m": 15.9}, "frame 0 .* is 0.10 m from a surface"),
-    ],
+    ("times_s", "message"),
+    [([0.0, 1.0], "2 timestamps for 3 poses"), ([0.0, 1.0, 1.0], "times must increase")],
 )
-def test_impossible_sequences_are_refused(options: dict, message: str) -> None:
+def test_impossible_times_are_refused(times_s: list[float], message: str) -> None:
     with pytest.raises(DataError, match=message):
-        SimulatedSequence(PlanesWorld(rectangles=0), straight(3), **options)
+        Flight(straight(3), np.array(times_s), 60.0)
+
+
+def test_a_part_of_a_flight_keeps_its_times() -> None:
+    whole = Flight(straight(9), 5.0 + np.arange(9) / 7, 7.0, "there", 2.0)
+    part = whole.part(2).part(1, 4)
+    np.testing.assert_array_equal(part.times_s, whole.times_s[3:7])
+    np.testing.assert_array_equal(part.poses.as_matrix(), whole.poses.as_matrix()[3:7])
+    assert (part.clock_start_s, part.frames_per_second, part.name, part.speed_mps) == (5.0, 7.0, "there", 2.0)
+
+
+@pytest.mark.parametrize(
+    ("baseline_m", "message"),
+    [(-0.1, "baseline -0.1 m must be positive"), (15.9, "frame 0 .* is 0.10 m from a surface")],
+)
+def test_impossible_baselines_are_refused(baseline_m: float, message: str) -> None:
+    with pytest.raises(DataError, match=message):
+        SimulatedSequence(PlanesWorld(rectangles=0), Flight.of(straight(3)), baseline_m=baseline_m)
 
 
 def test_configuration_hash_is_that_of_the_settings(camera: Pinhole) -> None:
-    sequence = SimulatedSequence(PlanesWorld(), straight(3), camera)
+    sequence = SimulatedSequence(PlanesWorld(), Flight.of(straight(3)), camera)
     settings = {
         "world": {"name": "planes", "seed": 0, "rectangles": 70, "samples": 8},
         "sensor": asdict(Sensor()),
@@ -214,12 +234,12 @@ def test_configuration_hash_is_that_of_the_settings(camera: Pinhole) -> None:
     assert sequence.configuration_hash == hashlib.sha256(text.encode()).hexdigest()
     assert sequence.provenance["configuration_sha256"] == sequence.configuration_hash
     others = [
-        SimulatedSequence(PlanesWorld(samples=4), straight(3), camera),
-        SimulatedSequence(PlanesWorld(), straight(3), camera, Sensor(gamma=2.0)),
-        SimulatedSequence(PlanesWorld(), straight(3)),
+        SimulatedSequence(PlanesWorld(samples=4), Flight.of(straight(3)), camera),
+        SimulatedSequence(PlanesWorld(), Flight.of(straight(3)), camera, Sensor(gamma=2.0)),
+        SimulatedSequence(PlanesWorld(), Flight.of(straight(3))),
     ]
     assert len({sequence.configuration_hash, *(other.configuration_hash for other in others)}) == 4
-    flown_otherwise = SimulatedSequence(PlanesWorld(), straight(4), camera, seed=3)
+    flown_otherwise = SimulatedSequence(PlanesWorld(), Flight.of(straight(4)), camera, seed=3)
     assert flown_otherwise.configuration_hash == sequence.configuration_hash
     assert flown_otherwise.provenance["poses_sha256"] != sequence.provenance["poses_sha256"]
 
@@ -246,7 +266,7 @@ def test_exposure_steps_change_brightness_from_hold_to_hold(camera: Pinhole) -> 
 def test_right_camera_sees_what_the_left_one_does_shifted_by_the_disparity(camera: Pinhole) -> None:
     baseline_m = 0.4
     sequence = SimulatedSequence(
-        PlanesWorld(), straight(60)[50:], camera, IDEAL_SENSOR, baseline_m=baseline_m
+        PlanesWorld(), Flight.of(straight(60)[50:]), camera, IDEAL_SENSOR, baseline_m=baseline_m
     )
     depth, pixels = sequence.depth(2), camera.pixel_grid().reshape(camera.height, camera.width, 2)
     ends = (pixels - np.stack([camera.fx * baseline_m / depth, 0 * depth], axis=-1)).astype(np.float32)
@@ -268,8 +288,10 @@ def test_without_a_baseline_there_is_no_right_image(straight_ideal: SimulatedSeq
 
 
 def test_noise_of_the_two_cameras_is_independent(camera: Pinhole) -> None:
-    sequence = SimulatedSequence(PlanesWorld(), straight(3), camera, baseline_m=1e-6)
-    ideal = SimulatedSequence(PlanesWorld(), straight(3), camera, replace(Sensor(), full_well_e=None))
+    sequence = SimulatedSequence(PlanesWorld(), Flight.of(straight(3)), camera, baseline_m=1e-6)
+    ideal = SimulatedSequence(
+        PlanesWorld(), Flight.of(straight(3)), camera, replace(Sensor(), full_well_e=None)
+    )
     noise = [image.astype(float) - ideal.image(1) for image in (sequence.image(1), sequence.right_image(1))]
     assert min(part.std() for part in noise) > 0.8
     assert abs(np.corrcoef(noise[0].ravel(), noise[1].ravel())[0, 1]) < 0.05

@@ -16,7 +16,7 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.datasets.tartanair import TartanAir
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
-from flowlik.simulation import SimulatedSequence, simulate, write_sequence
+from flowlik.simulation import Flight, SimulatedSequence, simulate, write_sequence
 from tests.simulation.flight.moving import MovingWorld
 
 
@@ -90,10 +90,8 @@ def test_folders_that_hold_something_else_are_refused(
     with pytest.raises(DataError, match="already holds something else"):
         write_sequence(other, written)
     poses = other.poses[:1].as_matrix().repeat(3, axis=0)
-    elsewhere = SimulatedSequence(
-        sequence.world, RigidTransform.from_matrix(poses), sequence.camera, frames_per_second=30.0,
-        trajectory="training", speed_mps=6.0,
-    )  # fmt: skip
+    still = Flight.of(RigidTransform.from_matrix(poses), 30.0, "training", 6.0)
+    elsewhere = SimulatedSequence(sequence.world, still, sequence.camera)
     with pytest.raises(DataError, match="already holds something else"):
         write_sequence(elsewhere, written)
     (tmp_path / "notes.txt").write_text("mine")
@@ -196,7 +194,7 @@ def test_right_images_are_written_and_read_back(tmp_path: Path) -> None:
 
 def test_times_are_written_and_read_back(sequence: SimulatedSequence, tmp_path: Path) -> None:
     times_s = 1.4e9 + np.array([0.0, 0.0311, 0.09])
-    timed = SimulatedSequence(sequence.world, sequence.poses, sequence.camera, timestamps=times_s)
+    timed = SimulatedSequence(sequence.world, Flight(sequence.poses, times_s, 60.0), sequence.camera)
     read = TartanAir(write_sequence(timed, tmp_path / "flight"))
     assert [read.timestamp(k) for k in range(3)] == times_s.tolist()
 
@@ -204,7 +202,7 @@ def test_times_are_written_and_read_back(sequence: SimulatedSequence, tmp_path: 
 def test_moving_things_are_written_and_read_back(tmp_path: Path) -> None:
     poses = RigidTransform.from_translation(np.linspace([0, 0, 0], [-0.1, 0, 0.3], 3))
     camera = Pinhole.from_fov(160, 90, 80.0)
-    sequence = SimulatedSequence(MovingWorld(), poses, camera, frames_per_second=20.0)
+    sequence = SimulatedSequence(MovingWorld(), Flight.of(poses, 20.0), camera)
     folder = write_sequence(sequence, tmp_path / "flight")
     read = TartanAir(folder)
     for k in range(3):
@@ -226,7 +224,7 @@ def test_more_moving_things_than_the_format_holds_are_refused(tmp_path: Path) ->
             return RigidTransform.from_translation(np.zeros((256, 3)))
 
     poses = RigidTransform.from_translation(np.zeros((2, 3)))
-    sequence = SimulatedSequence(Crowd(), poses, Pinhole.from_fov(16, 9, 80.0))
+    sequence = SimulatedSequence(Crowd(), Flight.of(poses), Pinhole.from_fov(16, 9, 80.0))
     with pytest.raises(DataError, match="256 moving objects, the format holds 255"):
         write_sequence(sequence, tmp_path / "flight")
     assert not (tmp_path / "flight").exists()

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.errors import DataError
@@ -17,7 +15,7 @@ from flowlik.geometry.trajectory import FRAME_RATE, read_trajectory
 from flowlik.simulation.base import World
 from flowlik.simulation.flight.sensor import DEFAULT_SENSOR, Sensor
 from flowlik.simulation.flight.sequence import PAPER_CAMERA, SimulatedSequence
-from flowlik.simulation.flight.trajectories import TRAJECTORIES
+from flowlik.simulation.flight.trajectories import TRAJECTORIES, Flight
 
 # Imports stand inside the builders: each world compiles and loads much that the others do not need.
 
@@ -64,17 +62,6 @@ WORLDS: dict[str, Callable[..., World]] = {
 DEFAULT_FRAMES = 300
 
 _T = TypeVar("_T")
-
-
-@dataclass(frozen=True)
-class _Flight:
-    """Poses T_n_c (N,) with their times (N,) [s], mean rate [1/s], and what is known of them."""
-
-    name: str
-    poses: RigidTransform
-    times_s: NDArray[np.float64]
-    frames_per_second: float
-    speed_mps: float | None
 
 
 def simulate(
@@ -143,23 +130,17 @@ def simulate(
         options = {"traffic": traffic, "frames_per_second": flight.frames_per_second}
     elif traffic:
         raise DataError(f"world {world!r} has no traffic, only 'driving' has")
-    flown = slice(start, None if frames is None else start + frames)
     return SimulatedSequence(
         build(seed, flight.poses, **options),
-        flight.poses[flown],
-        camera or default_camera(world),
+        flight.part(start, frames),
+        camera or _default_camera(world),
         sensor,
         seed,
-        flight.frames_per_second,
-        flight.name,
-        flight.speed_mps,
-        flight.times_s[flown],
-        float(flight.times_s[0]),
         baseline_m,
     )
 
 
-def default_camera(world: str) -> Pinhole:
+def _default_camera(world: str) -> Pinhole:
     """Camera of a world by name: KITTI's in `driving`, else the paper's."""
     if world != "driving":
         return PAPER_CAMERA
@@ -173,7 +154,7 @@ def camera_of(world: str, width: int | None, height: int | None, fov_deg: float 
 
     A changed camera has square pixels and a centred principal point.
     """
-    camera = default_camera(world)
+    camera = _default_camera(world)
     if width is None and height is None and fov_deg is None:
         return camera
     own_deg = np.rad2deg(2 * np.arctan(camera.width / 2 / camera.fx))
@@ -184,23 +165,21 @@ def camera_of(world: str, width: int | None, height: int | None, fov_deg: float 
     )
 
 
-def _named_flight(name: str, frames: int, speed_mps: float, rate: float, seed: int) -> _Flight:
-    poses = TRAJECTORIES[name](frames, speed_mps, rate, seed)
-    return _Flight(name, poses, np.arange(frames) / rate, rate, speed_mps)
+def _named_flight(name: str, frames: int, speed_mps: float, rate: float, seed: int) -> Flight:
+    return Flight.of(TRAJECTORIES[name](frames, speed_mps, rate, seed), rate, name, speed_mps)
 
 
-def _flight_of_file(path: str | Path, frames_per_second: float | None) -> _Flight:
+def _flight_of_file(path: str | Path, frames_per_second: float | None) -> Flight:
     path = Path(path)
     if not path.is_file():
         known = ", ".join(sorted(TRAJECTORIES))
         raise DataError(f"unknown trajectory '{path}': known are {known}, or a pose file that exists")
     flown = read_trajectory(path)
     if frames_per_second is not None:
-        times_s = np.arange(len(flown)) / frames_per_second
-        return _Flight(path.stem, flown.poses, times_s, frames_per_second, None)
+        return Flight.of(flown.poses, frames_per_second, path.stem)
     steps_s = np.diff(flown.timestamps)
     rate = round(1 / float(np.median(steps_s)), 6) if len(steps_s) else FRAME_RATE
-    return _Flight(path.stem, flown.poses, flown.timestamps, rate, None)
+    return Flight(flown.poses, flown.timestamps, rate, path.stem)
 
 
 def _named(known: dict[str, _T], name: str, kind: str) -> _T:

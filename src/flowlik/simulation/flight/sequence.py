@@ -24,10 +24,10 @@ from flowlik.datasets.base import (
 )
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
-from flowlik.geometry.times import check_times
 from flowlik.simulation.base import Frame, World
 from flowlik.simulation.flight._shutter import motions_between, pose_near
 from flowlik.simulation.flight.sensor import DEFAULT_SENSOR, Light, Sensor, motion_blurred
+from flowlik.simulation.flight.trajectories import Flight
 
 PAPER_CAMERA = Pinhole.from_fov(640, 360, 120.0)
 """The camera of the paper's simulation."""
@@ -43,63 +43,42 @@ class SimulatedSequence:
     ----------
     world : World
         What is seen.
-    poses : RigidTransform (N,)
-        T_n_c of each frame: camera (x right, y down, z forward) to world [m].
+    flight : Flight
+        Poses of the camera, with their times.
     camera : Pinhole
         The camera.
     sensor : Sensor
         From light to 8 bits.
     seed : int
         Seed of the sensor's noise; frame k has its own stream, the same however it is reached.
-    frames_per_second : float
-        Frame rate [1/s].
-    trajectory, speed_mps : str, float or None
-        Where the poses come from, for provenance only.
-    timestamps : array (N,), optional
-        Time of each frame [s]; by default k / frames_per_second.
-    clock_start_s : float, optional
-        Time [s] at which the world's clock is 0; by default that of the first frame.
     baseline_m : float, optional
         Distance [m] of a second camera, to the right of the first.
 
     Raises
     ------
     DataError
-        If there are no poses, a pose is not a rigid motion, the frame rate is not positive, times do not
-        increase, or a camera is outside the world or nearer than 0.3 m to a surface.
+        If a camera is outside the world or nearer than 0.3 m to a surface, or the baseline is not positive.
     """
 
     def __init__(
         self,
         world: World,
-        poses: RigidTransform,
+        flight: Flight,
         camera: Pinhole = PAPER_CAMERA,
         sensor: Sensor = DEFAULT_SENSOR,
         seed: int = 0,
-        frames_per_second: float = 60.0,
-        trajectory: str = "given poses",
-        speed_mps: float | None = None,
-        timestamps: NDArray[np.float64] | None = None,
-        clock_start_s: float | None = None,
         baseline_m: float | None = None,
     ) -> None:
-        if poses.single or len(poses) == 0:
-            raise DataError(f"{world.name}: a sequence needs an array of at least one pose")
-        if not 0 < frames_per_second < np.inf:
-            raise DataError(f"{world.name}: frame rate {frames_per_second} must be positive")
         if baseline_m is not None and not 0 < baseline_m < np.inf:
             raise DataError(f"{world.name}: baseline {baseline_m} m must be positive")
-        self.name = f"{world.name}-{trajectory.replace(' ', '-')}-{seed}"
-        self.world, self.poses, self.sensor, self.seed = world, poses, sensor, seed
-        self.frames_per_second, self.trajectory, self.speed_mps = frames_per_second, trajectory, speed_mps
-        self.baseline_m, self._camera = baseline_m, camera
-        self.times_s = np.arange(len(poses)) / frames_per_second if timestamps is None else timestamps
-        if len(self.times_s) != len(poses):
-            raise DataError(f"{self.name}: {len(self.times_s)} timestamps for {len(poses)} poses")
-        check_times(self.times_s, self.name)
-        self.clock_start_s = float(self.times_s[0]) if clock_start_s is None else clock_start_s
-        _check_poses(poses, self.name)
-        _check_clearance(world, poses, self.name)
+        self.name = f"{world.name}-{flight.name.replace(' ', '-')}-{seed}"
+        self.world, self.sensor, self.seed, self.baseline_m = world, sensor, seed, baseline_m
+        self.poses, self.times_s = flight.poses, flight.times_s
+        self.frames_per_second, self.trajectory = flight.frames_per_second, flight.name
+        self.speed_mps, self._camera = flight.speed_mps, camera
+        started_s = flight.clock_start_s
+        self.clock_start_s = float(self.times_s[0]) if started_s is None else started_s
+        _check_clearance(world, self.poses, self.name)
         if baseline_m is not None:
             _check_clearance(world, self.right_poses, self.name)
 
@@ -247,16 +226,6 @@ def _rendered(world: World, camera: Pinhole, T_n_c: bytes, time_s: float) -> Fra
         if values is not None:
             values.flags.writeable = False
     return frame
-
-
-def _check_poses(poses: RigidTransform, name: str) -> None:
-    matrices = np.asarray(poses.as_matrix())
-    R = matrices[:, :3, :3]
-    # NaN compares as not small
-    rigid = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2)) < 1e-6
-    bad = np.flatnonzero(~(rigid & np.isfinite(matrices).all(axis=(1, 2))))
-    if bad.size:
-        raise DataError(f"{name}: pose of frame {bad[0]} is not finite and orthonormal")
 
 
 def _check_clearance(world: World, poses: RigidTransform, name: str) -> None:

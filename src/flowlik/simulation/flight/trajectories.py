@@ -6,11 +6,13 @@ A pose depends on the distance only, so a faster flight passes through the same 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.errors import DataError
+from flowlik.geometry.times import check_times
 from flowlik.simulation.worlds.paths import LOOP_LENGTH_M, figure_eight, figure_eight_curvature, straight_line
 from flowlik.support.arrays import Array
 
@@ -18,6 +20,66 @@ BANK_M = 1.5
 """Bank of the figure eight [rad] over its curvature [1/m]: about 9 degrees in the sharpest turn."""
 
 HOVER_Z_M = 50.0
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """Poses of a camera with their times, and what is known of them.
+
+    Parameters
+    ----------
+    poses : RigidTransform (N,)
+        T_n_c of each frame: camera (x right, y down, z forward) to world [m].
+    times_s : array (N,)
+        Time of each frame [s].
+    frames_per_second : float
+        Mean frame rate [1/s].
+    name, speed_mps : str, float or None
+        Where the poses come from, for provenance only.
+    clock_start_s : float, optional
+        Time [s] at which the world's clock is 0; by default that of the first frame.
+
+    Raises
+    ------
+    DataError
+        If there are no poses, a pose is not a rigid motion, the frame rate is not positive, or times do not
+        increase.
+    """
+
+    poses: RigidTransform
+    times_s: Array
+    frames_per_second: float
+    name: str = "given poses"
+    speed_mps: float | None = None
+    clock_start_s: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.poses.single or len(self.poses) == 0:
+            raise DataError(f"{self.name}: a flight needs an array of at least one pose")
+        _check_rate(self.frames_per_second, self.name)
+        if len(self.times_s) != len(self.poses):
+            raise DataError(f"{self.name}: {len(self.times_s)} timestamps for {len(self.poses)} poses")
+        check_times(self.times_s, self.name)
+        _check_rigid(self.poses, self.name)
+
+    @classmethod
+    def of(
+        cls,
+        poses: RigidTransform,
+        frames_per_second: float = 60.0,
+        name: str = "given poses",
+        speed_mps: float | None = None,
+    ) -> Flight:
+        """Fly through poses at an even rate: frame k at k / frames_per_second."""
+        _check_rate(frames_per_second, name)
+        count = 0 if poses.single else len(poses)
+        return cls(poses, np.arange(count) / frames_per_second, frames_per_second, name, speed_mps)
+
+    def part(self, first: int, count: int | None = None) -> Flight:
+        """Frames from one on, so many or all that follow, at the times of the whole flight."""
+        kept = slice(first, None if count is None else first + count)
+        start_s = float(self.times_s[0]) if self.clock_start_s is None else self.clock_start_s
+        return replace(self, poses=self.poses[kept], times_s=self.times_s[kept], clock_start_s=start_s)
 
 
 def straight(
@@ -120,9 +182,7 @@ def hover(
     return _poses(positions_m, np.stack([headings, headings, headings], axis=-1))
 
 
-Trajectory = Callable[[int, float, float, int], RigidTransform]
-
-TRAJECTORIES: dict[str, Trajectory] = {
+TRAJECTORIES: dict[str, Callable[[int, float, float, int], RigidTransform]] = {
     "straight": straight,
     "curve": curve,
     "training": training,
@@ -158,3 +218,18 @@ def _wander(
 def _poses(positions_m: Array, yaw_pitch_roll: Array) -> RigidTransform:
     """T_n_c from positions (N, 3) and intrinsic angles about y, x, z (N, 3) [rad]."""
     return RigidTransform.from_components(positions_m, Rotation.from_euler("YXZ", yaw_pitch_roll))
+
+
+def _check_rate(frames_per_second: float, name: str) -> None:
+    if not 0 < frames_per_second < np.inf:
+        raise DataError(f"{name}: frame rate {frames_per_second} must be positive")
+
+
+def _check_rigid(poses: RigidTransform, name: str) -> None:
+    matrices = np.asarray(poses.as_matrix())
+    R = matrices[:, :3, :3]
+    # NaN compares as not small
+    rigid = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2)) < 1e-6
+    bad = np.flatnonzero(~(rigid & np.isfinite(matrices).all(axis=(1, 2))))
+    if bad.size:
+        raise DataError(f"{name}: pose of frame {bad[0]} is not finite and orthonormal")
