@@ -22,16 +22,17 @@ OTHER = {
         "estimator": "mle", "residual": "epipolar",
         "scale": "truth-norm", "height_m": 1.5, "self_calibrate": True, "boresight": "causal", "gate": 0.5,
         "frames": 4, "start": 1, "skip_bad_frames": True, "format": "tartanair", "camera": "50,48,32",
+        "mask": "hood.png", "resize": "0.5",
         "frames_per_second": 20.0, "topic": "/camera/image_raw", "bag": True, "view": True, "record": True,
         "seed": 7,
     },
     "calibrate": {
         "family": "lcm", "schedule": "texture", "flow_png": "dsec", "format": "tartanair",
-        "camera": "50,48,32", "seed": 7, **EXECUTION,
+        "camera": "50,48,32", "mask": "hood.png", "resize": "0.5", "seed": 7, **EXECUTION,
     },
     "evaluate": {
         "method": "lucas-kanade", "flow_png": "dsec", "format": "tartanair",
-        "camera": "50,48,32", "seed": 7, **EXECUTION,
+        "camera": "50,48,32", "mask": "hood.png", "resize": "0.5", "seed": 7, **EXECUTION,
     },
 }  # fmt: skip
 """A value of every option that is not its default. Who adds an option adds it here."""
@@ -61,6 +62,13 @@ def told(flight, tmp_path_factory):
             told[command] |= signature(open_sequence).bind(*args).arguments
             return open_sequence(args[0])
 
+        def changed(name):
+            def change(sequence, value):
+                told[command] |= {name: str(value)}
+                return sequence
+
+            return change
+
         def mapped(*args):
             told[command] |= dict(zip(("executor", "workers", "scheduler"), args))
             return nullcontext(builtins.map)
@@ -71,6 +79,8 @@ def told(flight, tmp_path_factory):
 
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(f"flowlik.commands._{command}.open_sequence", opened)
+            patch.setattr(f"flowlik.commands._{command}.masked", changed("mask"))
+            patch.setattr(f"flowlik.commands._{command}.resized", changed("resize"))
             for module in ("sketching", "calibrate"):
                 patch.setattr(f"flowlik.commands._{module}.executor", mapped)
             patch.setattr("flowlik.commands._odometry.viewer", shown)

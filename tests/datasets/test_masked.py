@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from flowlik.datasets import mask_of, masked, open_sequence, resized, select_frames
-from flowlik.datasets.base import notes_of
 from flowlik.datasets.mask_file import read_mask
 from flowlik.datasets.masked import Masked
 from flowlik.errors import DataError
@@ -85,7 +84,6 @@ def test_a_mask_is_that_of_every_frame(folder, tmp_path):
         np.testing.assert_array_equal(mask_of(sequence, k), HOOD)
         np.testing.assert_array_equal(sequence.image(k), picture(k, W, H))
     assert sequence.camera.fx == 60
-    assert notes_of(sequence) == (f"the mask leaves {HOOD.mean():.0%} of the pixels",)
     chosen, _ = select_frames(sequence, 1)
     np.testing.assert_array_equal(mask_of(chosen, 1), HOOD)
     left = np.tile(np.where(np.arange(W) < 40, np.uint8(255), np.uint8(0)), (H, 1))

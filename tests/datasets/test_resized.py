@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.datasets import open_sequence, resized
-from flowlik.datasets.base import frame_pairs, motion_to_next, notes_of, true_flow
+from flowlik.datasets.base import frame_pairs, motion_to_next, true_flow
 from flowlik.datasets.frames import DepthFrames
 from flowlik.datasets.lens import Lens
 from flowlik.datasets.lens_models import BrownConrady
@@ -126,7 +126,6 @@ def test_what_else_there_is(plane):
     assert sequence.right_image(0).shape == (32, 48)
     assert (sequence.baseline_m, sequence.timestamp(1)) == (0.5, 1.0)
     assert (len(sequence), sequence.name) == (2, "plane")
-    assert notes_of(sequence) == ("images of 96 x 64 pixels are resized to 48 x 32",)
     assert resized(plane, None) is plane
 
 

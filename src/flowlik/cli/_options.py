@@ -69,9 +69,17 @@ Camera = Annotated[
     str | None,
     typer.Option(
         "--camera",
-        help="f,cx,cy or fx,fy,cx,cy [px], or a file (ROS camera_info, OpenCV or Kalibr YAML), whose "
-        "distortion is removed from the images; for data without a camera of its own.",
+        help="f,cx,cy or fx,fy,cx,cy [px], or a camera file (ROS, OpenCV, Kalibr, ORB-SLAM, COLMAP, KITTI, "
+        "…; FILE:NAME of several), whose distortion is removed from the images; for data without a camera.",
     ),
+]
+Mask = Annotated[
+    Path | None,
+    typer.Option("--mask", help="Image of the size of the images as they are: white where pixels are used."),
+]
+Resize = Annotated[
+    str | None,
+    typer.Option("--resize", help="WIDTHxHEIGHT [px] or a factor: images are scaled, and the camera too."),
 ]
 Topic = Annotated[
     str | None, typer.Option("--topic", help="Topic of the images of a ROS bag; needed where it has several.")

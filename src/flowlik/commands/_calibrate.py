@@ -28,7 +28,7 @@ from flowlik.calibration import (
 )
 from flowlik.commands._sketching import sketch_for_run
 from flowlik.commands.options import CalibrateOptions
-from flowlik.datasets import open_sequence
+from flowlik.datasets import masked, open_sequence, resized
 from flowlik.evaluation.likelihood import (
     Counting,
     bias_records,
@@ -100,7 +100,8 @@ def calibrate(
     check_schedule(schedule)
     config = {"data": [str(folder) for folder in data], "method": method, **options.asdict()}
     run = RunFolder(out, command, config, seed)
-    sequences = [open_sequence(folder, options.format, options.camera) for folder in data]
+    whole = [open_sequence(folder, options.format, options.camera) for folder in data]
+    sequences = [resized(masked(sequence, options.mask), options.resize) for sequence in whole]
     # signals cost more flow, and flow on disk may have none
     keep = index_form(flow).covariates if schedule == "index" else ()
     task = Task(flow, (Index(), FLOW_INDEX), keep)
@@ -114,11 +115,12 @@ def calibrate(
         )  # fmt: skip
         populations.append(gather(found, len(blocks), most))
     names = ", ".join(sequence.name for sequence in sequences)
-    provenance: dict[str, object] = {"data": names, "seed": seed}
+    provenance: dict[str, object] = {"data": names, "seed": seed, **options.images}
+    keys = {"split": "calibration", **options.images}
     by_texture, by_flow = ([block for p in populations if p for block in p[kind]] for kind in (0, 1))
     # each fit takes seconds to a minute: whoever waits is told of it
     models = fit_families(by_texture, flow, provenance, progress=progress)
-    add_evidence(run, by_texture, models, names, label=label, seed=seed, split="calibration")
+    add_evidence(run, by_texture, models, names, label=label, seed=seed, **keys)
     if schedule == "texture":
         chosen, blocks_of_chosen = models[family], by_texture
     else:
@@ -130,9 +132,7 @@ def calibrate(
         )
         shown = {family: chosen}
         label_of_chosen = f"{label}-{schedule}"
-        add_evidence(
-            run, blocks_of_chosen, shown, names, label=label_of_chosen, seed=seed, split="calibration"
-        )
+        add_evidence(run, blocks_of_chosen, shown, names, label=label_of_chosen, seed=seed, **keys)
     bands = None
     if schedule != "constant":
         rng, smoothing = np.random.default_rng(seed), chosen.goodness["fit"]["smoothing"]

@@ -9,7 +9,7 @@ from flowlik.calibration import Task, gather, split_blocks
 from flowlik.commands._calibrate import add_evidence
 from flowlik.commands._sketching import sketch_for_run
 from flowlik.commands.options import EvaluateOptions
-from flowlik.datasets import open_sequence
+from flowlik.datasets import masked, open_sequence, resized
 from flowlik.errors import DataError
 from flowlik.evaluation.likelihood import Counting, kept_for_eigenbasis
 from flowlik.flow import coded, confirmed_method, method_label
@@ -60,7 +60,8 @@ def evaluate(
     config = {"model": str(model), "data": [str(folder) for folder in data], **options.asdict()}
     run = RunFolder(out, command, config, options.seed)
     for number, folder in enumerate(data):
-        sequence = open_sequence(folder, options.format, options.camera)
+        whole = open_sequence(folder, options.format, options.camera)
+        sequence = resized(masked(whole, options.mask), options.resize)
         blocks = split_blocks(sequence, options.seed)
         task = Task(flow, (index,), kept_for_eigenbasis(index), likelihood.texture)
         found = sketch_for_run(
@@ -72,6 +73,7 @@ def evaluate(
             raise DataError(f"{sequence.name}: no errors to evaluate (one image, no texture or no truth?)")
         label = f"{method_label(likelihood.method or {})}-{sequence.name.replace('/', '-')}"
         models = {likelihood.family.name: likelihood}
-        add_evidence(run, sketches, models, sequence.name, label, options.seed, COUNTING, split="evaluation")
+        keys = {"split": "evaluation", **options.images}
+        add_evidence(run, sketches, models, sequence.name, label, options.seed, COUNTING, **keys)
     finish(run)
     return run

@@ -13,7 +13,7 @@ import numpy as np
 from flowlik.commands._odometry_files import write_frames, write_intrinsics
 from flowlik.commands._odometry_results import Flown, report_odometry
 from flowlik.commands.options import OdometryOptions
-from flowlik.datasets import open_sequence
+from flowlik.datasets import masked, open_sequence, resized
 from flowlik.datasets.base import ImageSequence
 from flowlik.datasets.selection import Selection, select_frames
 from flowlik.egomotion import EgoMotion, Estimator, lcmsac, mle, ransac
@@ -82,9 +82,10 @@ def odometry(
     elif options.bag_unscaled:
         raise DataError("--bag-unscaled says what --bag writes: give both")
     lenient = options.skip_bad_frames
-    whole = open_sequence(
+    opened = open_sequence(
         data, options.format, options.camera, options.frames_per_second, lenient, options.topic
     )
+    whole = resized(masked(opened, options.mask), options.resize)
     sequence, skipped = select_frames(whole, options.start, options.frames, lenient)
     kind = _residual_kind(sequence, options.residual)
     options = replace(options, residual=kind)

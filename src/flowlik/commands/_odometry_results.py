@@ -99,7 +99,7 @@ def _records(flown: Flown, options: OdometryOptions, scale: str) -> list[Record]
         "residual": options.residual, "scale": scale, "boresight": options.boresight,
         "self_calibrate": options.self_calibrate, "gate": "none" if options.gate is None else options.gate,
         "features": features_of(flown.robot.method),
-        "timestamps": getattr(flown.sequence, "times_source", None),
+        "timestamps": getattr(flown.sequence, "times_source", None), **options.images,
     }  # fmt: skip
     base = Record(
         "frames_per_second", len(motions) / flown.seconds, "1/s", flown.sequence.name, flown.flow,

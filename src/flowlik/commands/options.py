@@ -53,8 +53,36 @@ class Execution(Options):
 
 
 @dataclass(frozen=True, kw_only=True)
-class CalibrateOptions(Execution):
-    """Options of `flowlik.commands.calibrate`, those of `Execution` among them.
+class Data(Options):
+    """How data sets are opened, and how their images are looked at.
+
+    Attributes
+    ----------
+    format : str, optional
+        Data format; guessed by default.
+    camera : str, optional
+        As `flowlik.open_sequence` takes it, for data without a camera of its own.
+    mask : Path, optional
+        Image of the size of the images as they are, white where pixels are used; `flowlik.datasets.masked`.
+    resize : str, optional
+        ``WIDTHxHEIGHT`` [px] or a factor of the images' size; `flowlik.datasets.resized`.
+    """
+
+    format: str | None = None
+    camera: str | None = None
+    mask: Path | None = None
+    resize: str | None = None
+
+    @property
+    def images(self) -> dict[str, Any]:
+        """What is done to the images, if anything, for the protocol of results."""
+        done = {"mask": None if self.mask is None else "given", "resize": self.resize}
+        return {key: value for key, value in done.items() if value is not None}
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrateOptions(Execution, Data):
+    """Options of `flowlik.commands.calibrate`, those of `Execution` and `Data` among them.
 
     Attributes
     ----------
@@ -65,10 +93,6 @@ class CalibrateOptions(Execution):
     flow_png : str, optional
         Coding of flow in PNG files that do not tell it themselves: a name in
         `flowlik.datasets.flow_png.PNG_CODINGS`.
-    format : str, optional
-        Data format; guessed by default.
-    camera : str, optional
-        As `flowlik.open_sequence` takes it, for data without a camera of its own.
     seed : int
         Seed of pixels and reservoirs.
     """
@@ -76,14 +100,12 @@ class CalibrateOptions(Execution):
     family: str = BEST_FAMILY
     schedule: str = BEST_SCHEDULE
     flow_png: str | None = None
-    format: str | None = None
-    camera: str | None = None
     seed: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
-class EvaluateOptions(Execution):
-    """Options of `flowlik.commands.evaluate`, those of `Execution` among them.
+class EvaluateOptions(Execution, Data):
+    """Options of `flowlik.commands.evaluate`, those of `Execution` and `Data` among them.
 
     Attributes
     ----------
@@ -92,24 +114,18 @@ class EvaluateOptions(Execution):
     flow_png : str, optional
         Coding of flow in PNG files that do not tell it themselves: a name in
         `flowlik.datasets.flow_png.PNG_CODINGS`.
-    format : str, optional
-        Data format; guessed by default.
-    camera : str, optional
-        As `flowlik.open_sequence` takes it, for data without a camera of its own.
     seed : int
         Seed of pixels and of the bootstrap.
     """
 
     method: str | None = None
     flow_png: str | None = None
-    format: str | None = None
-    camera: str | None = None
     seed: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
-class OdometryOptions(Options):
-    """Options of `flowlik.commands.odometry`.
+class OdometryOptions(Data):
+    """Options of `flowlik.commands.odometry`, those of `Data` among them.
 
     Attributes
     ----------
@@ -142,10 +158,6 @@ class OdometryOptions(Options):
     skip_bad_frames : bool
         Go on over frames that are missing or unreadable, or whose time does not advance; the report tells
         which.
-    format : str, optional
-        Data format; guessed by default.
-    camera : str, optional
-        ``f,cx,cy`` or ``fx,fy,cx,cy`` [px], or a camera file, for data without a camera of its own.
     frames_per_second : float, optional
         Frame rate [Hz], for images without times.
     topic : str, optional
@@ -173,8 +185,6 @@ class OdometryOptions(Options):
     frames: int | None = None
     start: int = 0
     skip_bad_frames: bool = False
-    format: str | None = None
-    camera: str | None = None
     frames_per_second: float | None = None
     topic: str | None = None
     bag: bool = False

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.datasets.base import ImageSequence, mask_of, notes_of, shape_of
+from flowlik.datasets.base import ImageSequence, mask_of, shape_of
 from flowlik.datasets.mask_file import read_mask
 from flowlik.datasets.wrapped import Wrapped
 from flowlik.errors import DataError
@@ -50,11 +50,6 @@ class Masked(Wrapped):
             _check(self._usable, self.inner.image(k).shape, f"{self.name}, frame {k}")
         inner = mask_of(self.inner, k)
         return self._usable if inner is None else self._usable & inner
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What is known of the sequence, and how much is masked."""
-        return (*notes_of(self.inner), f"the mask leaves {self._usable.mean():.0%} of the pixels")
 
 
 def masked(sequence: ImageSequence, path: Path | str | None) -> ImageSequence:

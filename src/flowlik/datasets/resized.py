@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.datasets.base import MAX_PIXELS, ImageSequence, mask_of, notes_of
+from flowlik.datasets.base import MAX_PIXELS, ImageSequence, mask_of
 from flowlik.datasets.undistorted import WHOLE
 from flowlik.datasets.wrapped import Wrapped
 from flowlik.errors import DataError
@@ -155,12 +155,6 @@ class Resized(Wrapped):
         visible = whole.visible(k)
         u, v = np.rint(self._before(visible.shape)).astype(int).transpose(2, 0, 1)
         return np.asarray(visible[np.minimum(v, visible.shape[0] - 1), np.minimum(u, visible.shape[1] - 1)])
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What is known of the sequence, and the sizes before and after."""
-        (h, w), (height, width) = super().shape, self.shape
-        return (*notes_of(self.inner), f"images of {w} x {h} pixels are resized to {width} x {height}")
 
     def _resized(self, values: NDArray[Any]) -> NDArray[Any]:
         height, width = self.resize.shape(values.shape)
