@@ -23,7 +23,8 @@ OTHER = {
         "scale": "truth-norm", "height_m": 1.5, "self_calibrate": True, "boresight": "causal", "gate": 0.5,
         "frames": 4, "start": 1, "skip_bad_frames": True, "format": "tartanair", "camera": "50,48,32",
         "mask": "hood.png", "resize": "0.5",
-        "frames_per_second": 20.0, "topic": "/camera/image_raw", "bag": True, "view": True, "record": True,
+        "frames_per_second": 20.0, "topic": "/camera/image_raw", "bag": True, "bag_unscaled": True,
+        "view": True, "record": True,
         "seed": 7,
     },
     "calibrate": {
