@@ -23,7 +23,7 @@ from egomotion_variants import (
     variants,
 )
 from flights import Flight
-from flowlik.egomotion import EgoMotion
+from flowlik.egomotion import ByVector, EgoMotion
 from flowlik.evaluation.motion.consistency import consistency, consistency_records, tangent_errors
 from flowlik.geometry.trajectory import Trajectory
 from flowlik.results.records import Record, protocol
@@ -113,7 +113,7 @@ def _of_world(
     records = []
     for estimator in everyone.ours:
         # a constant radius knows nothing of the errors
-        if estimator.radius_px == RADIUS_PX:
+        if estimator.rule == ByVector(RADIUS_PX):
             continue
         solved = [(m, T) for m, T in zip(motions[estimator.name], true) if m.solved]
         left_out = len(true) - len(solved)

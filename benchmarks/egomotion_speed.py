@@ -34,10 +34,9 @@ CAP = 200
 INLIER_SHARES = (0.9, 0.7, 0.5)
 OUTLIER_PX = 20.0
 STAGES = {
-    "sample, propose, score": (Estimator, "_consensus"),
-    "refine": (Estimator, "_refine"),
+    "sample, propose, count": (estimator_module, "consensus"),
+    "refine": (estimator_module, "refine"),
     "moments of the score": (estimator_module, "score_moments"),
-    "sensitivity": (estimator_module, "sensitivity"),
 }
 
 Timed = dict[str, Callable[[], object]]

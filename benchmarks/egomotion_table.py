@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from egomotion_consistency import judged
 from egomotion_flights import FRAMES, WORLD_SEEDS, Exposed, TableFlight, description, rendered
 from egomotion_variants import Variants, label, residuals, variants
-from flowlik.egomotion import EgoMotion
+from flowlik.egomotion import ByVector, EgoMotion
 from flowlik.evaluation.motion.drift import RelativeErrors, drift_percent, relative_pose_errors
 from flowlik.evaluation.motion.motion_records import true_trajectory
 from flowlik.flow import flow_method
@@ -182,7 +182,9 @@ def _settings(everyone: Variants, name: str) -> str | None:
 def _density(everyone: Variants, name: str) -> tuple[str | None, str | None]:
     for e in everyone.ours:
         if e.name == name:
-            return e.likelihood.family.name, "constant" if e.radius_px else e.likelihood.schedule.name
+            return e.likelihood.family.name, "constant" if isinstance(
+                e.rule, ByVector
+            ) else e.likelihood.schedule.name
     return None, None
 
 

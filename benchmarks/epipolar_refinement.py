@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from flowlik.egomotion import Epipolar, _kernels
+from flowlik.egomotion.epipolar import Epipolar, observable
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.tables import look_up
 from flowlik.support.arrays import Array
@@ -61,7 +61,7 @@ def refine_convolution(residual: Epipolar, likelihood: FlowLikelihood, T: Array,
     m = residual.measurements
     x = likelihood.schedule.index.of(m)
     for _ in range(steps):
-        z, normal, J = residual.linearise_with_normal(T)
+        z, normal, J = residual.linearise(T)
         c = np.einsum("nij,ni->nj", m.R_i_e, normal)
         h = np.maximum(0.05 * np.abs(z), 2e-3)
         ahead, behind = (log_convolution(likelihood, np.abs(z) + d, x, c) for d in (h, -0.5 * h))
@@ -101,14 +101,14 @@ def refine_profile(residual: Epipolar, likelihood: FlowLikelihood, T: Array) -> 
     """
     m, index = residual.measurements, likelihood.schedule.index
     x = index.of(m)
-    z, J = residual.linearise(T)
-    J = J[usable := np.isfinite(z)]
-    B = residual.basis(T)
-    information = B.T @ (J.T @ (likelihood.fisher(residual.coordinates(T, index)[usable])[:, None] * J)) @ B
+    errors = residual.at(T, index)
+    usable, B = np.isfinite(errors.z), errors.basis
+    J, fisher = errors.J[usable], likelihood.fisher(errors.x[usable])
+    information = B.T @ (J.T @ (fisher[:, None] * J)) @ B
     root = B @ np.linalg.inv(np.linalg.cholesky(information)).T
 
     def moved(u: Array) -> Array:
-        return residual.normalise(_kernels.retract(T, root @ u))
+        return residual.retract(T, root @ u)
 
     def cost(u: Array) -> float:
         _, z = profile_depths(residual, likelihood, moved(u), x)
@@ -141,5 +141,5 @@ def _table(table: NDArray[np.float32], likelihood: FlowLikelihood, z: Array, x: 
 
 
 def _step(residual: Epipolar, T: Array, H: Array, b: Array) -> Array:
-    B = residual.basis(T)
-    return residual.normalise(_kernels.retract(T, B @ np.linalg.lstsq(B.T @ H @ B, B.T @ b, rcond=None)[0]))
+    B = observable(T)
+    return residual.retract(T, B @ np.linalg.lstsq(B.T @ H @ B, B.T @ b, rcond=None)[0])

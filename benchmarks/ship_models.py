@@ -108,7 +108,7 @@ def main() -> None:
             for name, model in models.items():
                 found = with_shared_errors(model, pairs)
                 save_likelihood(found, options.out / f"{name}.json")
-                print(name, found.emphasis, found.correlation, flush=True)
+                print(name, found.shared_errors, flush=True)
             continue
         ship(method, options.cache, options.kitti_poses, options.out)
 

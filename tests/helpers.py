@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.egomotion import Epipolar, KnownDepth
+from flowlik.egomotion import Epipolar, KnownDepth, Residual
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.motion import exp_se3, h, inverse_range
 from flowlik.image.texture import TextureDefinition
@@ -103,3 +103,19 @@ def make_scene(
     flow[gross] += rng.uniform(-40, 40, (len(gross), 2))
     measurements = Measurements(pixels, flow, R_i_e, texture, TextureDefinition(), {"name": "synthetic"})
     return Scene(T, measurements, depth)
+
+
+def normalised(residual: Residual, T: np.ndarray) -> np.ndarray:
+    """Motion (3, 4) with what the residual does not observe set by its convention."""
+    return residual.retract(T, np.zeros(6))
+
+
+def each_of(residual: Residual) -> int:
+    """Components that a residual has of a vector."""
+    return 2 if residual.metric else 1
+
+
+def support_bounds(residual: Residual, bound, index: Index, kept: np.ndarray) -> np.ndarray:
+    """Bounds by which support is counted of kept eigen-components (N, 2)."""
+    bounds = residual.sampling.bounds(bound, index)
+    return np.where(residual.sampling.components(kept)[:, None], bounds, -1.0)

@@ -9,7 +9,7 @@ from epipolar_refinement import (
 )
 from flowlik.egomotion import mle
 from flowlik.geometry import motion
-from tests.helpers import CAMERA, lcm_likelihood, make_scene, random_motion
+from tests.helpers import CAMERA, lcm_likelihood, make_scene, normalised, random_motion
 
 MODEL = lcm_likelihood()
 
@@ -34,7 +34,7 @@ def test_the_convolution_is_the_density_of_the_sum(angle):
 def test_the_profile_finds_the_true_depths_of_exact_flow():
     rng = np.random.default_rng(1)
     scene = make_scene(random_motion(rng), rng, n=200)
-    T = scene.epipolar.normalise(scene.T.as_matrix()[:3])
+    T = normalised(scene.epipolar, scene.T.as_matrix()[:3])
     x = MODEL.schedule.index.of(scene.measurements)
     rho, z = profile_depths(scene.epipolar, MODEL, T, x)
     true = motion.inverse_range(CAMERA, scene.measurements.pixels, scene.depth)
@@ -47,10 +47,10 @@ def test_the_profile_finds_the_true_depths_of_exact_flow():
 def test_the_other_likelihoods_end_near_the_truth(refine):
     rng = np.random.default_rng(2)
     scene = make_scene(random_motion(rng), rng, n=400, likelihood=MODEL)
-    truth = scene.epipolar.normalise(scene.T.as_matrix()[:3])
+    truth = normalised(scene.epipolar, scene.T.as_matrix()[:3])
     begin = mle(MODEL).estimate(scene.epipolar).T_k_prev.as_matrix()[:3]
-    away = scene.epipolar.normalise(
-        (random_motion(rng, 0.05, 0.005).as_matrix() @ np.vstack([begin, [0, 0, 0, 1]]))[:3]
+    away = normalised(
+        scene.epipolar, (random_motion(rng, 0.05, 0.005).as_matrix() @ np.vstack([begin, [0, 0, 0, 1]]))[:3]
     )
     found = refine(scene.epipolar, MODEL, away)
     noise = np.abs(begin - truth).max()

@@ -5,7 +5,7 @@ import pytest
 
 from flowlik.calibration.run import split_blocks
 from flowlik.calibration.shared_errors import (
-    EMPHASES,
+    POWERS,
     _field_errors,
     measured_pairs,
     spread_pairs,
@@ -20,6 +20,7 @@ from flowlik.likelihood.families import Gaussian, LaplaceCauchy
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.model_file import load_likelihood, save_likelihood
 from flowlik.likelihood.schedule import Schedule
+from flowlik.likelihood.shared_errors import SharedErrors
 from flowlik.measurement.measurements import Measurements
 from flowlik.simulation import simulate
 
@@ -40,7 +41,7 @@ def vectors(rng: np.random.Generator, n: int = 600) -> Measurements:
     return Measurements(pixels, np.ones((n, 2)), R, t, TextureDefinition(), describe(METHOD))
 
 
-def emphasis_of(shared: float, pairs: int = 60) -> float:
+def power_of(shared: float, pairs: int = 60) -> float:
     """Emphasis with the least field error where a share of every error is one draw an image."""
     rng = np.random.default_rng(0)
     logs = []
@@ -51,15 +52,15 @@ def emphasis_of(shared: float, pairs: int = 60) -> float:
         together = np.einsum("nij,i->nj", m.R_i_e, rng.normal(size=2))
         z = sigma * (np.sqrt(1 - shared) * rng.normal(size=sigma.shape) + np.sqrt(shared) * together)
         logs.append(np.log(_field_errors(MODEL, m, z)))
-    return float(EMPHASES[np.argmin(np.mean(logs, axis=0))])
+    return float(POWERS[np.argmin(np.mean(logs, axis=0))])
 
 
 def test_independent_errors_count_by_their_information():
-    assert emphasis_of(0.0) <= 0.1
+    assert power_of(0.0) <= 0.1
 
 
-def test_errors_shared_in_proportion_to_their_width_ask_for_emphasis():
-    assert emphasis_of(0.05) >= 0.3
+def test_errors_shared_in_proportion_to_their_width_ask_for_a_power():
+    assert power_of(0.05) >= 0.3
 
 
 def test_field_errors_are_those_of_weighted_least_squares():
@@ -86,13 +87,13 @@ def test_a_calibrated_model_knows_what_errors_share_and_its_file_keeps_it(tmp_pa
     assert [list(block.firsts) for block in blocks] == [[0], [2], [4]]
     pairs = measured_pairs(blocks, METHOD, MODEL.texture)
     assert [len(z) == len(m) <= 1200 for m, z in pairs] == 3 * [True]
-    assert with_shared_errors(MODEL, pairs).emphasis == 0
+    assert with_shared_errors(MODEL, pairs).shared_errors.composite_power == 0
     found = with_shared_errors(MODEL, 7 * pairs)
-    assert found.emphasis in EMPHASES[1:]
-    assert found.correlation is not None
+    assert found.shared_errors.composite_power in POWERS[1:]
+    assert found.shared_errors.correlation is not None
     save_likelihood(found, tmp_path / "model.json")
     again = load_likelihood(tmp_path / "model.json")
-    assert again.emphasis == found.emphasis
+    assert again.shared_errors.composite_power == found.shared_errors.composite_power
     x = np.linspace(*KNOTS, 5)
     np.testing.assert_allclose(again.composite_weight(x), found.composite_weight(x))
 
@@ -111,11 +112,11 @@ def test_the_papers_likelihood_keeps_its_product():
     paper = load_likelihood("lucas-kanade-lcm")
     assert isinstance(paper.family, LaplaceCauchy)
     pairs = measured_pairs(split_blocks(flight, seed=1), METHOD, paper.texture)
-    assert with_shared_errors(paper, 20 * pairs).emphasis == 0.0
+    assert with_shared_errors(paper, 20 * pairs).shared_errors.composite_power == 0.0
 
 
 def test_a_composite_weight_is_a_power_of_the_information():
-    model = replace(MODEL, emphasis=0.5)
+    model = replace(MODEL, shared_errors=SharedErrors(composite_power=0.5))
     x = np.linspace(*KNOTS, 7)
     f = MODEL.fisher(x)
     np.testing.assert_allclose(model.composite_weight(x), np.sqrt(f / f.max()), rtol=1e-12)
@@ -126,10 +127,10 @@ def test_a_composite_weight_is_a_power_of_the_information():
     np.testing.assert_allclose(model.composite.log_prob, weight * model.compiled.log_prob, rtol=1e-6)
 
 
-@pytest.mark.parametrize("emphasis", [-0.1, 3.5, np.nan])
-def test_an_emphasis_out_of_range_is_refused(emphasis):
-    with pytest.raises(ModelError, match="emphasis"):
-        replace(MODEL, emphasis=emphasis)
+@pytest.mark.parametrize("power", [-0.1, 3.5, np.nan])
+def test_a_composite_power_out_of_range_is_refused(power):
+    with pytest.raises(ModelError, match="composite power"):
+        SharedErrors(composite_power=power)
 
 
 def test_without_pairs_there_is_nothing_to_measure():

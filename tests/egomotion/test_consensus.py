@@ -7,7 +7,7 @@ import pytest
 
 from flowlik.egomotion import Epipolar, Status, lcmsac, mle
 from flowlik.geometry.motion import h, inverse_range
-from tests.helpers import CAMERA, lcm_likelihood, make_scene, random_motion, tangent_error
+from tests.helpers import CAMERA, lcm_likelihood, make_scene, normalised, random_motion, tangent_error
 
 MODEL = lcm_likelihood()
 
@@ -24,7 +24,7 @@ def test_vectors_that_know_little_do_not_outvote_those_that_know(estimator):
     flow = np.where(vague[:, None], astray + rng.normal(0, 1.0, (600, 2)), m.flow)
     found = estimator.estimate(Epipolar.of(replace(m, t=texture, flow=flow), CAMERA), seed=1)
     assert found.status is Status.SOLVED
-    truth = scene.epipolar.normalise(T.as_matrix()[:3])
+    truth = normalised(scene.epipolar, T.as_matrix()[:3])
     error = tangent_error(found.T_k_prev, found.T_k_prev.from_matrix(np.vstack([truth, [0, 0, 0, 1]])))
     assert np.abs(error).max() < 0.01
 

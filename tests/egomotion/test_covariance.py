@@ -10,9 +10,17 @@ from flowlik.errors import ModelError
 from flowlik.geometry.motion import h, inverse_range
 from flowlik.likelihood.families import Gaussian
 from flowlik.likelihood.likelihood import FlowLikelihood
-from flowlik.likelihood.schedule import Schedule
-from flowlik.likelihood.shared_errors import SCALES_PX, ScoreCorrelation, flow_directions
-from tests.helpers import CAMERA, lcm_likelihood, make_scene, random_motion, tangent_error
+from flowlik.likelihood.schedule import Index, Schedule
+from flowlik.likelihood.shared_errors import SCALES_PX, ScoreCorrelation, SharedErrors, flow_directions
+from tests.helpers import (
+    CAMERA,
+    each_of,
+    lcm_likelihood,
+    make_scene,
+    normalised,
+    random_motion,
+    tangent_error,
+)
 
 MODEL = lcm_likelihood()
 SCALES = np.array(SCALES_PX)
@@ -54,10 +62,10 @@ def test_splines_on_a_grid_stand_for_a_gaussian(scale):
 @pytest.mark.parametrize("kind", ["known_depth", "epipolar"])
 def test_variability_is_the_sum_over_pairs_of_components(kind):
     residual = getattr(scene_of(1), kind)
-    m, T = residual.measurements, residual.normalise(scene_of(1).T.as_matrix()[:3])
-    (_, J), x = residual.linearise(T), residual.coordinates(T, MODEL.schedule.index)
-    fisher, e = MODEL.fisher(x), residual.directions(T)
-    of = np.repeat(np.arange(len(m)), residual.components_per_vector)
+    m, T = residual.measurements, normalised(residual, scene_of(1).T.as_matrix()[:3])
+    _, _, J, x, *_ = residual.at(T, MODEL.schedule.index)
+    fisher, e = MODEL.fisher(x), residual.at(T, Index()).directions
+    of = np.repeat(np.arange(len(m)), each_of(residual))
     distance = np.linalg.norm(m.pixels[of][:, None] - m.pixels[of][None], axis=-1)
     rho, rho_flow, rho_v = CORRELATION.at(distance)
     along = np.einsum("ci,ci->c", flow_directions(m.flow)[of], e)
@@ -77,9 +85,9 @@ def test_uncorrelated_scores_vary_by_their_information():
     plain = mle(MODEL).estimate(residual)
     np.testing.assert_allclose(plain.covariance @ plain.information, np.eye(6), atol=1e-6)
     T = plain.T_k_prev.as_matrix()[:3]
-    _, J = residual.linearise(T)
-    fisher = MODEL.fisher(residual.coordinates(T, MODEL.schedule.index))
-    B = score_covariance(residual.measurements, residual.directions(T), J, fisher, INDEPENDENT)
+    _, _, J, *_ = residual.at(T, Index())
+    fisher = MODEL.fisher(residual.at(T, MODEL.schedule.index).x)
+    B = score_covariance(residual.measurements, residual.at(T, Index()).directions, J, fisher, INDEPENDENT)
     np.testing.assert_allclose(B, plain.information, rtol=1e-9)
 
 
@@ -90,8 +98,8 @@ GAUSSIAN = FlowLikelihood.constant_gaussian(0.3)
 def test_observed_sensitivity_is_the_information_where_the_density_holds(kind):
     rng = np.random.default_rng(3)
     residual = getattr(make_scene(random_motion(rng), rng, n=500, likelihood=GAUSSIAN), kind)
-    result = mle(replace(GAUSSIAN, correlation=INDEPENDENT)).estimate(residual)
-    basis = residual.basis(result.T_k_prev.as_matrix()[:3])
+    result = mle(replace(GAUSSIAN, shared_errors=SharedErrors(INDEPENDENT))).estimate(residual)
+    basis = residual.at(result.T_k_prev.as_matrix()[:3], Index()).basis
     found = np.linalg.inv(basis.T @ result.covariance @ basis)
     expected = basis.T @ result.information @ basis
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
@@ -100,7 +108,7 @@ def test_observed_sensitivity_is_the_information_where_the_density_holds(kind):
 
 def test_a_frame_of_wider_errors_tells_so_itself():
     rng, plain, honest = np.random.default_rng(5), [], []
-    model = mle(replace(MODEL, correlation=INDEPENDENT))
+    model = mle(replace(MODEL, shared_errors=SharedErrors(INDEPENDENT)))
     for seed in range(30):
         scene = make_scene(random_motion(rng), rng, n=800, likelihood=MODEL)
         m = scene.measurements
@@ -137,7 +145,7 @@ def test_correlated_errors_are_covered_by_the_calibrated_covariance():
     d = np.array([0.0, 30.0, 64.0, 100.0, 300.0])
     expected = np.where(d == 0, 1.0, np.exp(-(d**2) / (2 * 64.0**2)) / 3)
     np.testing.assert_allclose(correlation.at(d), [expected, np.zeros(5), np.zeros(5)], atol=0.05)
-    model = replace(GAUSSIAN, correlation=correlation)
+    model = replace(GAUSSIAN, shared_errors=SharedErrors(correlation))
     for estimator in (mle(model), lcmsac(model)):
         plain, honest = [], []
         for seed in range(60):
@@ -172,7 +180,7 @@ def test_errors_shared_down_the_image_are_covered():
     assert sums.norm[0] == pytest.approx(200)  # every image pair alike
     correlation = fit_correlation(sums)
     np.testing.assert_allclose(correlation.at(np.array([100.0, 300.0]))[2], 0.1, atol=0.03)
-    model = mle(replace(GAUSSIAN, correlation=correlation))
+    model = mle(replace(GAUSSIAN, shared_errors=SharedErrors(correlation)))
     plain, honest = [], []
     for _ in range(60):
         T, _, _, residual = leaning_scene(rng)
@@ -240,7 +248,7 @@ def test_emphasis_weighs_components_and_its_covariance_knows():
     index = MODEL.schedule.index
     knots = MODEL.schedule.knots[[0, -1]]
     wide = FlowLikelihood(Gaussian(), Schedule(index, knots, np.array([[1.0, 0.1]])))
-    model = mle(replace(wide, emphasis=0.5, correlation=INDEPENDENT))
+    model = mle(replace(wide, shared_errors=SharedErrors(INDEPENDENT, 0.5)))
     rng, distances = np.random.default_rng(9), []
     for seed in range(60):
         scene = make_scene(random_motion(rng), rng, n=300, likelihood=wide)
@@ -250,8 +258,8 @@ def test_emphasis_weighs_components_and_its_covariance_knows():
         distances.append(xi @ np.linalg.solve(result.covariance, xi))
         if seed == 0:
             T = result.T_k_prev.as_matrix()[:3]
-            z, J = residual.linearise(T)
-            f = wide.fisher(residual.coordinates(T, index))
+            _, z, J, *_ = residual.at(T, Index())
+            f = wide.fisher(residual.at(T, index).x)
             weight = f * np.sqrt(f)
             step = np.linalg.solve(J.T @ (weight[:, None] * J), J.T @ (weight * z))
             assert step @ result.information @ step < 1e-4

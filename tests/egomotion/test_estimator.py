@@ -3,12 +3,22 @@ import pytest
 from scipy.optimize import least_squares, minimize
 
 from flowlik.egomotion import Epipolar, Estimator, KnownDepth, Status, lcmsac, mle, ransac
+from flowlik.egomotion.epipolar import FivePoint
+from flowlik.egomotion.known_depth import ThreePoint
 from flowlik.errors import ModelError
 from flowlik.geometry import motion
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.schedule import Index
 from flowlik.measurement.measurements import Measurements
-from tests.helpers import CAMERA, lcm_likelihood, make_scene, random_motion, tangent_error
+from tests.helpers import (
+    CAMERA,
+    each_of,
+    lcm_likelihood,
+    make_scene,
+    normalised,
+    random_motion,
+    tangent_error,
+)
 
 MODEL = lcm_likelihood()
 INDEX = Index()
@@ -23,7 +33,7 @@ def scene_of(seed: int, **options):
 
 
 def truth_of(scene, residual):
-    return residual.normalise(scene.T.as_matrix()[:3])
+    return normalised(residual, scene.T.as_matrix()[:3])
 
 
 @every_estimator
@@ -35,7 +45,7 @@ def test_exact_flow_gives_the_exact_motion(estimator, kind, outliers):
     result = estimator.estimate(residual)
     assert result.status is Status.SOLVED
     assert result.scale_known is (kind == "known_depth")
-    assert result.components == telling(estimator, residual, result).sum()
+    assert result.components == informative(estimator, residual, result).sum()
     # a cusped likelihood settles within its table's smallest error, 6e-5 px; outliers that happen to
     # lie near their epipolar lines have their say in least squares
     least_squares_error = 1e-3 if (kind, outliers) == ("epipolar", 0.4) else 1e-10
@@ -45,9 +55,9 @@ def test_exact_flow_gives_the_exact_motion(estimator, kind, outliers):
     )
 
 
-def telling(estimator, residual, result):
+def informative(estimator, residual, result):
     """Components that count: without depth only those that are known to 2 px."""
-    x = residual.coordinates(result.T_k_prev.as_matrix()[:3], INDEX)
+    x = residual.at(result.T_k_prev.as_matrix()[:3], INDEX).x
     everything = residual.metric or estimator.name == "ransac"
     return everything | (estimator.likelihood.bound(x, 0.9) <= 2)
 
@@ -67,7 +77,7 @@ def test_the_same_seed_gives_the_same_result(estimator, kind):
 
 
 def vector_errors(residual, T):
-    return residual.linearise(T)[0].reshape(-1, residual.components_per_vector)
+    return residual.at(T, INDEX).z.reshape(-1, each_of(residual))
 
 
 @both_residuals
@@ -81,15 +91,19 @@ def test_ransac_is_least_squares_on_its_inliers(kind):
     assert result.inlier_unit == "vector"
 
     def errors(xi):
-        moved = residual.normalise((motion.exp_se3(xi) * result.T_k_prev).as_matrix()[:3])
+        moved = normalised(residual, (motion.exp_se3(xi) * result.T_k_prev).as_matrix()[:3])
         return vector_errors(residual, moved)[inliers].ravel()
 
     best = least_squares(errors, np.zeros(6), x_scale=1e-3, xtol=1e-14, ftol=1e-14, gtol=1e-14)
     # refinement ends where a step would gain less than 1e-3 nat, or 0.04 standard deviations
     gain_nat = ((errors(np.zeros(6)) ** 2).sum() - 2 * best.cost) / (2 * 0.5**2)
     assert 0 <= gain_nat + 1e-9 < 1e-3
-    away = residual.basis(T).T @ best.x  # without the scale, which the epipolar errors do not fix
-    sigma = np.sqrt(np.diag(np.linalg.inv(residual.basis(T).T @ result.information @ residual.basis(T))))
+    away = residual.at(T, INDEX).basis.T @ best.x  # without the scale, which the epipolar errors do not fix
+    sigma = np.sqrt(
+        np.diag(
+            np.linalg.inv(residual.at(T, INDEX).basis.T @ result.information @ residual.at(T, INDEX).basis)
+        )
+    )
     np.testing.assert_allclose(away / sigma, 0, atol=0.04)
 
 
@@ -97,11 +111,11 @@ def test_maximum_likelihood_is_a_maximum():
     scene = scene_of(4, n=1000, likelihood=MODEL)
     residual = scene.known_depth
     result = mle(MODEL).estimate(residual)
-    x = residual.coordinates(result.T_k_prev.as_matrix()[:3], INDEX)
+    x = residual.at(result.T_k_prev.as_matrix()[:3], INDEX).x
     root = np.linalg.cholesky(result.covariance)  # steps in units of the standard deviation
 
     def log_prob(T):
-        z, _ = residual.linearise(T.as_matrix()[:3])
+        _, z, *_ = residual.at(T.as_matrix()[:3], INDEX)
         return MODEL.log_prob(z, x).sum()
 
     def fall(step):
@@ -109,7 +123,7 @@ def test_maximum_likelihood_is_a_maximum():
 
     assert log_prob(result.T_k_prev) > log_prob(scene.T)
     assert result.log_prob == pytest.approx(log_prob(result.T_k_prev), abs=1e-3 * len(residual))
-    z, J = residual.linearise(result.T_k_prev.as_matrix()[:3])
+    _, z, J, *_ = residual.at(result.T_k_prev.as_matrix()[:3], INDEX)
     np.testing.assert_allclose(root.T @ J.T @ MODEL.score(z, x), 0, atol=0.6)
     # the weights' floor rounds the cusp off: a fifth of a nat, or some tenths of a standard deviation
     simplex = 0.1 * np.vstack([np.zeros(6), np.eye(6)])
@@ -126,18 +140,18 @@ def test_information_is_the_sum_over_components_in_use(estimator, kind):
     residual = getattr(scene_of(5, n=300, likelihood=MODEL, outliers=0.2), kind)
     result = estimator.estimate(residual)
     T = result.T_k_prev.as_matrix()[:3]
-    (z, J), x = residual.linearise(T), residual.coordinates(T, INDEX)
+    _, z, J, x, *_ = residual.at(T, INDEX)
     likelihood = estimator.likelihood
     if estimator.name == "ransac":
         inliers = np.linalg.norm(z.reshape(len(residual), -1), axis=1) <= 0.5
         assert result.inliers == inliers.sum()
-        used = np.repeat(inliers, residual.components_per_vector)
+        used = np.repeat(inliers, each_of(residual))
     else:
-        used = telling(estimator, residual, result) & (np.abs(z) <= likelihood.bound(x, 0.9))
+        used = informative(estimator, residual, result) & (np.abs(z) <= likelihood.bound(x, 0.9))
         assert result.inliers == used.sum()
         assert result.informative == (used & (likelihood.bound(x, 0.9) <= 1)).sum()
     if estimator.name != "ransac":  # a cut likelihood's components all count, with what the cut leaves
-        used = telling(estimator, residual, result)
+        used = informative(estimator, residual, result)
     fisher = likelihood.fisher(x[used], 0.9 if estimator.name == "lcmsac" else None)
     expected = sum(i * np.outer(j, j) for i, j in zip(fisher, J[used]))
     np.testing.assert_allclose(result.information, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
@@ -176,7 +190,7 @@ def test_modelled_errors_are_estimated_better_by_their_own_likelihood():
 @every_estimator
 @both_residuals
 def test_too_few_vectors_are_no_exception(estimator, kind):
-    minimal = KnownDepth.minimal if kind == "known_depth" else Epipolar.minimal
+    minimal = (ThreePoint if kind == "known_depth" else FivePoint).minimal
     for n in (0, minimal - 1):
         result = estimator.estimate(getattr(scene_of(7, n=n), kind))
         assert (result.status, result.solved) == (Status.TOO_FEW, False)
@@ -252,7 +266,7 @@ def test_the_texture_gate_drops_components(make, kind):
     result = make(50.0).estimate(getattr(scene, kind))
     assert result.excluded["texture gate"] == (texture < 50).sum()
     kept = (texture >= 50).ravel() if kind == "known_depth" else (texture >= 50).any(axis=1)
-    assert result.components == (kept & telling(make(None), getattr(scene, kind), result)).sum()
+    assert result.components == (kept & informative(make(None), getattr(scene, kind), result)).sum()
     assert result.solved
     assert make(None).estimate(getattr(scene, kind)).excluded["texture gate"] == 0
     assert make(1e9).estimate(getattr(scene, kind)).status is Status.TOO_FEW

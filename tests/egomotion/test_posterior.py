@@ -8,9 +8,19 @@ from flowlik.egomotion.covariance import temperature
 from flowlik.errors import DataError, ModelError
 from flowlik.geometry.motion import exp_se3, inverse_left_jacobian, right_covariance
 from flowlik.likelihood.likelihood import FlowLikelihood
-from flowlik.likelihood.shared_errors import SCALES_PX, ScoreCorrelation
+from flowlik.likelihood.schedule import Index
+from flowlik.likelihood.shared_errors import SCALES_PX, ScoreCorrelation, SharedErrors
 from flowlik.odometry.odometry import scaled
-from tests.helpers import CAMERA, finite_difference, lcm_likelihood, make_scene, random_motion, tangent_error
+from tests.helpers import (
+    CAMERA,
+    each_of,
+    finite_difference,
+    lcm_likelihood,
+    make_scene,
+    normalised,
+    random_motion,
+    tangent_error,
+)
 
 MODEL = lcm_likelihood()
 GAUSSIAN = FlowLikelihood.constant_gaussian(0.3)
@@ -39,8 +49,8 @@ def test_gradient_is_that_of_the_value(kind):
         lambda xi: log_prob(GAUSSIAN, residual, exp_se3(xi) * T).value, np.zeros(6), 1e-6
     )
     np.testing.assert_allclose(found.gradient, numeric, rtol=2e-4, atol=1e-4 * np.abs(numeric).max())
-    x = np.zeros(len(residual) * residual.components_per_vector)
-    z, J = residual.linearise(residual.normalise(T.as_matrix()[:3]))
+    x = np.zeros(len(residual) * each_of(residual))
+    _, z, J, *_ = residual.at(normalised(residual, T.as_matrix()[:3]), Index())
     np.testing.assert_allclose(found.information, J.T @ J / 0.09, rtol=1e-3, atol=1e-6)
     assert found.value == pytest.approx(GAUSSIAN.log_prob(z, x).sum())
 
@@ -48,7 +58,7 @@ def test_gradient_is_that_of_the_value(kind):
 def test_values_are_the_models_own():
     scene = scene_of(2, n=100, likelihood=MODEL)
     residual = scene.known_depth
-    z, _ = residual.linearise(scene.T.as_matrix()[:3])
+    _, z, *_ = residual.at(scene.T.as_matrix()[:3], Index())
     expected = MODEL.log_prob(z, np.log(scene.measurements.t).ravel()).sum()
     assert log_prob(MODEL, residual, scene.T).value == pytest.approx(expected)
     assert log_prob(MODEL, residual, exp_se3(SIGMA) * scene.T).value < expected
@@ -125,7 +135,9 @@ def test_correlated_scores_are_weighed_by_what_they_know():
     own = np.array([1.0, *np.zeros(len(SCALES_PX)), 0.0])
     shared = own + np.array([0.0, *np.zeros(len(SCALES_PX)), 0.5])
     scales = np.array(SCALES_PX)
-    correlated = replace(GAUSSIAN, correlation=ScoreCorrelation(scales, shared, 0 * own, 0 * own))
+    correlated = replace(
+        GAUSSIAN, shared_errors=SharedErrors(ScoreCorrelation(scales, shared, 0 * own, 0 * own))
+    )
     prior = GaussianPrior(exp_se3(SIGMA) * scene.T, covariance() / 1e4)
     near = {}
     for name, model in (("plain", GAUSSIAN), ("correlated", correlated)):

@@ -12,7 +12,15 @@ from flowlik.geometry import motion
 from flowlik.geometry.motion import exp_se3
 from flowlik.likelihood.schedule import Index
 from flowlik.support import threads
-from tests.helpers import CAMERA, finite_difference, lcm_likelihood, make_scene, random_motion
+from tests.helpers import (
+    CAMERA,
+    finite_difference,
+    lcm_likelihood,
+    make_scene,
+    normalised,
+    random_motion,
+    support_bounds,
+)
 
 MODEL = lcm_likelihood()
 INDEX = Index()
@@ -36,18 +44,18 @@ def rho_of(scene):
 
 
 def moved(residual, T, xi):
-    return residual.linearise((motion.exp_se3(xi) * T).as_matrix()[:3])[0]
+    return residual.at((motion.exp_se3(xi) * T).as_matrix()[:3], INDEX).z
 
 
 def test_errors_of_known_depth_agree_with_the_theory(scene, near):
     T, matrix = near
-    z, J = scene.known_depth.linearise(matrix)
+    _, z, J, *_ = scene.known_depth.at(matrix, INDEX)
     m, rho = scene.measurements, rho_of(scene)
     expected = m.errors(motion.h(T, CAMERA, m.pixels, rho)).ravel()
     np.testing.assert_allclose(z, expected, atol=1e-9)
     by_flow = -np.einsum("nij,nik->njk", m.R_i_e, motion.h_jacobian(T, CAMERA, m.pixels, rho))
     np.testing.assert_allclose(J, by_flow.reshape(-1, 6), rtol=1e-9, atol=1e-9)
-    x = scene.known_depth.coordinates(matrix, INDEX)
+    x = scene.known_depth.at(matrix, INDEX).x
     np.testing.assert_allclose(x, np.log(m.t).ravel(), rtol=1e-12)
     numeric = finite_difference(lambda xi: moved(scene.known_depth, T, xi), np.zeros(6), 1e-6)
     np.testing.assert_allclose(J, numeric, rtol=1e-5, atol=1e-5)
@@ -55,13 +63,13 @@ def test_errors_of_known_depth_agree_with_the_theory(scene, near):
 
 def test_epipolar_errors_agree_with_the_theory(scene, near):
     T, matrix = near
-    unit = scene.epipolar.normalise(matrix)
-    z, J = scene.epipolar.linearise(unit)
+    unit = normalised(scene.epipolar, matrix)
+    _, z, J, *_ = scene.epipolar.at(unit, INDEX)
     m = scene.measurements
     expected, normal, jacobian = motion.epipolar_error(T, CAMERA, m.pixels, m.flow)
     np.testing.assert_allclose(z, expected, atol=1e-9)
     np.testing.assert_allclose(J, jacobian, rtol=1e-9, atol=1e-9)
-    x = scene.epipolar.coordinates(unit, INDEX)
+    x = scene.epipolar.at(unit, INDEX).x
     np.testing.assert_allclose(x, INDEX.along(m, normal), atol=1e-9)
     T_unit = RigidTransform.from_matrix(np.vstack([unit, [0, 0, 0, 1]]))
     numeric = finite_difference(lambda xi: moved(scene.epipolar, T_unit, xi), np.zeros(6), 1e-6)
@@ -69,16 +77,16 @@ def test_epipolar_errors_agree_with_the_theory(scene, near):
 
 
 def test_the_epipolar_basis_leaves_out_the_scale(scene, near):
-    unit = scene.epipolar.normalise(near[1])
+    unit = normalised(scene.epipolar, near[1])
     assert np.linalg.norm(unit[:, 3]) == pytest.approx(1)
-    basis = scene.epipolar.basis(unit)
+    basis = scene.epipolar.at(unit, INDEX).basis
     np.testing.assert_allclose(basis.T @ basis, np.eye(5), atol=1e-12)
     np.testing.assert_allclose(basis[3:].T @ unit[:, 3], 0, atol=1e-12)
 
 
 def test_points_behind_the_camera_have_no_error(scene):
     turned = motion.exp_se3(np.array([0, np.pi, 0, 0, 0, 0])).as_matrix()[:3]
-    z, J = scene.known_depth.linearise(turned)
+    _, z, J, *_ = scene.known_depth.at(turned, INDEX)
     assert np.isnan(z).all()
     np.testing.assert_array_equal(J, 0)
 
@@ -101,14 +109,16 @@ def test_scores_of_known_depth_count_inliers(scene, hypotheses, kept):
     z = np.array([m.errors(motion.h(T, CAMERA, m.pixels, rho)) for T in hypotheses])
     x = np.log(m.t)
 
-    bounds = residual.bounds(lambda x: MODEL.bound(x, 0.9), INDEX, kept)
+    bounds = support_bounds(residual, lambda x: MODEL.bound(x, 0.9), INDEX, kept)
     inliers = (np.abs(z) <= MODEL.bound(x, 0.9)) & kept
-    np.testing.assert_array_equal(residual.score(matrices, bounds, False), inliers.sum(axis=(1, 2)))
+    np.testing.assert_array_equal(
+        residual.sampling.support(matrices, bounds, False), inliers.sum(axis=(1, 2))
+    )
 
-    bounds = residual.bounds(lambda x: np.full(x.shape, 0.5), INDEX, kept)
+    bounds = support_bounds(residual, lambda x: np.full(x.shape, 0.5), INDEX, kept)
     length = np.linalg.norm(np.where(kept, z, 0), axis=2)
     expected = ((length <= 0.5) & kept.any(axis=1)).sum(axis=1)
-    np.testing.assert_array_equal(residual.score(matrices, bounds, True), expected)
+    np.testing.assert_array_equal(residual.sampling.support(matrices, bounds, True), expected)
     assert len(set(expected)) > 3
 
 
@@ -118,15 +128,15 @@ def test_scores_of_the_epipolar_residual_count_inliers(scene, hypotheses, kept):
     errors = [motion.epipolar_error(T, CAMERA, m.pixels, m.flow)[:2] for T in hypotheses]
     used = kept.any(axis=1)
 
-    constant = residual.bounds(lambda x: np.full(x.shape, 0.5), INDEX, kept)
+    constant = support_bounds(residual, lambda x: np.full(x.shape, 0.5), INDEX, kept)
     expected = [((np.abs(z) <= 0.5) & used).sum() for z, _ in errors]
-    np.testing.assert_array_equal(residual.score(essentials, constant, False), expected)
+    np.testing.assert_array_equal(residual.sampling.support(essentials, constant, False), expected)
     assert len(set(expected)) > 3
 
-    bounds = residual.bounds(lambda x: MODEL.bound(x, 0.9), INDEX, kept)
+    bounds = support_bounds(residual, lambda x: MODEL.bound(x, 0.9), INDEX, kept)
     exact = [((np.abs(z) <= MODEL.bound(INDEX.along(m, n), 0.9)) & used).sum() for z, n in errors]
     # bounds are interpolated between 17 directions of the normal
-    np.testing.assert_allclose(residual.score(essentials, bounds, False), exact, atol=2)
+    np.testing.assert_allclose(residual.sampling.support(essentials, bounds, False), exact, atol=2)
 
 
 @pytest.mark.parametrize("kind", ["known_depth", "epipolar"])
@@ -136,12 +146,13 @@ def test_scores_do_not_depend_on_the_number_of_threads(scene, monkeypatch, kind)
     form = motion.essential_matrix if kind == "epipolar" else (lambda T: T.as_matrix()[:3])
     hypotheses = np.array([form(T) for T in motions])
     residual = getattr(scene, kind)
-    bounds = residual.bounds(lambda x: MODEL.bound(x, 0.9), INDEX, np.ones((len(residual), 2), bool))
+    everything = np.ones((len(residual), 2), bool)
+    bounds = support_bounds(residual, lambda x: MODEL.bound(x, 0.9), INDEX, everything)
     counts = []
     for number in (1, 2):
         monkeypatch.setattr(threads, "THREADS", number)
-        counts.append(residual.score(hypotheses, bounds, False))
-    one_by_one = [residual.score(h[None], bounds, False)[0] for h in hypotheses]
+        counts.append(residual.sampling.support(hypotheses, bounds, False))
+    one_by_one = [residual.sampling.support(h[None], bounds, False)[0] for h in hypotheses]
     np.testing.assert_array_equal(counts, [one_by_one] * 2)
 
 
@@ -151,13 +162,13 @@ def test_three_points_give_the_motion_exactly(degrees):
     T = random_motion(rng, degrees, 0.3)
     residual = make_scene(T, rng, n=300).known_depth
     samples = np.array([rng.choice(300, 3, replace=False) for _ in range(100)])
-    solutions = [residual.propose(sample[None], np.eye(4)[:3]) for sample in samples]
+    solutions = [residual.sampling.propose(sample[None], np.eye(4)[:3]) for sample in samples]
     solved = [(sample, motions[0]) for sample, motions in zip(samples, solutions) if len(motions)]
     assert len(solved) >= (95 if degrees < 10 else 85)
     error = [np.abs(matrix - T.as_matrix()[:3]).max() for _, matrix in solved]
     assert np.median(error) < 1e-9
     for sample, matrix in solved:  # sometimes another motion explains the three points
-        z, _ = residual.linearise(matrix)
+        _, z, *_ = residual.at(matrix, INDEX)
         assert np.abs(z.reshape(-1, 2)[sample]).max() < 1.5e-6
 
 
@@ -165,7 +176,7 @@ def test_three_points_on_one_ray_have_no_solution():
     scene = make_scene(random_motion(np.random.default_rng(0)), np.random.default_rng(1), n=6)
     one = scene.measurements.select(np.zeros(6, int))
     residual = KnownDepth.of(one, CAMERA, np.full(6, 4.0))
-    assert len(residual.propose(np.array([[0, 1, 2], [3, 4, 5]]), np.eye(4)[:3])) == 0
+    assert len(residual.sampling.propose(np.array([[0, 1, 2], [3, 4, 5]]), np.eye(4)[:3])) == 0
 
 
 def test_five_points_give_the_essential_matrix_among_others():
@@ -175,7 +186,7 @@ def test_five_points_give_the_essential_matrix_among_others():
     found = 0
     for _ in range(20):
         sample = rng.choice(50, 5, replace=False)
-        solutions = scene.epipolar.propose(sample[None], np.eye(4)[:3])
+        solutions = scene.epipolar.sampling.propose(sample[None], np.eye(4)[:3])
         scaled = solutions / np.linalg.norm(solutions, axis=(1, 2), keepdims=True) * np.sqrt(2)
         error = min(min(np.abs(E - truth).max(), np.abs(E + truth).max()) for E in scaled)
         found += error < 1e-5
@@ -221,15 +232,15 @@ def test_the_motion_of_an_essential_matrix_has_its_points_in_front(scene):
     E = motion.essential_matrix(scene.T)
     everything = np.ones(len(scene.epipolar), bool)
     for signed in (E, -E):
-        T, ambiguous = scene.epipolar.motion(signed, lambda T: everything)
-        np.testing.assert_allclose(T, scene.epipolar.normalise(scene.T.as_matrix()[:3]), atol=1e-9)
+        T, ambiguous = scene.epipolar.sampling.resolve(signed, lambda T: everything)
+        np.testing.assert_allclose(T, normalised(scene.epipolar, scene.T.as_matrix()[:3]), atol=1e-9)
         assert not ambiguous
 
 
 def test_a_pure_rotation_leaves_the_epipolar_motion_ambiguous():
     T = random_motion(np.random.default_rng(0), 3, 1e-9)
     residual = make_scene(T, np.random.default_rng(1), n=500, likelihood=MODEL).epipolar
-    _, ambiguous = residual.motion(motion.essential_matrix(T), lambda T: np.ones(500, bool))
+    _, ambiguous = residual.sampling.resolve(motion.essential_matrix(T), lambda T: np.ones(500, bool))
     assert ambiguous
 
 
@@ -240,11 +251,12 @@ def test_one_pass_gives_the_equations_of_the_linearised_errors(widened):
     residual = scene.known_depth
     # a motion that puts some points behind the camera
     T = exp_se3(np.array([0.0, 0.0, 0.0, 0.1, 0.0, -4.0])).as_matrix()[:3]
-    x, tables = residual.coordinates(T, model.schedule.index), model.compiled
+    x, tables = residual.at(T, model.schedule.index).x, model.compiled
     used = rng.random(400) < 0.8
     chosen = Chosen(used, tables.rows(x), model.fisher(x), tables)
+    errors = residual.at(T, INDEX)
     found = residual.equations(T, chosen, widened)
-    expected = equations_of(*residual.linearise(T), chosen, widened)
+    expected = equations_of(errors.z, errors.J, errors.basis, chosen, widened)
     assert found.lost == expected.lost > 0
     for a, b in zip(found[:3], expected[:3]):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9 * np.abs(b).max())
@@ -264,10 +276,10 @@ def test_measurements_outside_the_image_are_refused(as_map, shift):
 @pytest.mark.parametrize("kind", ["known_depth", "epipolar"])
 def test_the_total_score_is_the_gradient_within_bounds(scene, near, kind):
     residual = getattr(scene, kind)
-    T = residual.normalise(near[1])
+    T = normalised(residual, near[1])
     likelihood = lcm_likelihood()
-    x, tables = residual.coordinates(T, likelihood.schedule.index), likelihood.compiled
-    z, _ = residual.linearise(T)
+    x, tables = residual.at(T, likelihood.schedule.index).x, likelihood.compiled
+    _, z, *_ = residual.at(T, INDEX)
     bounds = likelihood.bound(x, 0.9)
     used = np.arange(len(x)) % 3 > 0
     held = Chosen(used, tables.rows(x), likelihood.fisher(x), tables)

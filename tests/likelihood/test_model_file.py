@@ -98,6 +98,8 @@ def index(**values):
         (table("gamma", [1.0, 1.0]), "differ in number"),
         (table("gamma", [1.0, 1.0, float("inf"), 1.0]), "gamma"),
         (table("delta", [1.0, 1.0, 1.0, 1.0]), "needs the parameters"),
+        (changed(shared_errors={"composite_power": 4.0}), "composite power"),
+        (changed(shared_errors={"correlation": {"scale_px": [8.0]}}), "a correlation needs"),
         (without("provenance"), "provenance"),
         (without("table"), "table"),
     ],
@@ -127,3 +129,16 @@ def test_an_index_that_gives_no_coordinate_is_refused(path, change):
     path.write_text(index(**change)(json.loads(path.read_text())))
     with pytest.raises(ModelError, match=r"index"):
         load_likelihood(path)
+
+
+def test_a_file_of_version_2_is_read(path):
+    content = json.loads(path.read_text())
+    del content["shared_errors"]
+    correlation = {"scale_px": [8.0], "isotropic": [0.5, 0.3, 0.2], "along": [0.0, 0.1, 0.0]}
+    old = {**content, "schema_version": 2, "score_correlation": correlation, "emphasis": 0.4}
+    path.write_text(json.dumps(old))
+    shared = load_likelihood(path).shared_errors
+    assert shared.composite_power == 0.4
+    assert shared.correlation is not None
+    np.testing.assert_array_equal(shared.correlation.isotropic, [0.5, 0.3, 0.2])
+    np.testing.assert_array_equal(shared.correlation.vertical, 0.0)

@@ -1,4 +1,4 @@
-"""What errors of one image pair share: the correlation of scores, and the emphasis that this asks for."""
+"""What errors of one image pair share: the correlation of scores, and the composite power it asks for."""
 
 from __future__ import annotations
 
@@ -19,15 +19,16 @@ from flowlik.flow.lucas_kanade import detect_corners
 from flowlik.image.texture import TextureDefinition
 from flowlik.likelihood.families import LaplaceCauchy
 from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.shared_errors import SharedErrors
 from flowlik.measurement.features import DENSE_PIXELS
 from flowlik.measurement.measurements import Measurements, stratified_pixels
 from flowlik.support.arrays import Array
 
 VECTORS = 1200
-EMPHASES = np.arange(21) / 10
+POWERS = np.arange(21) / 10
 LEAST_PX = 1e-9
 FEWEST = 20
-"""Vectors of an image pair, and pairs for an emphasis: fewer say nothing."""
+"""Vectors of an image pair, and pairs for a composite power: fewer say nothing."""
 
 Pairs = list[tuple[Measurements, Array]]
 """Measurements and errors z (N, 2) [px] of image pairs."""
@@ -51,7 +52,7 @@ def measured_pairs(
 def with_shared_errors(likelihood: FlowLikelihood, pairs: Pairs) -> FlowLikelihood:
     """Likelihood that knows what errors of its flow method share, by image pairs with truth.
 
-    The emphasis is that with the least error of an affine motion field, whose logarithm is averaged over the
+    The power is that with the least error of an affine motion field, whose logarithm is averaged over the
     pairs: cameras' motions move images smoothly, and this needs their flow alone. Fewer than 20 pairs ask for
     none; in the paper's likelihood, Laplace-Cauchy over texture, components count by their information alone.
 
@@ -65,16 +66,16 @@ def with_shared_errors(likelihood: FlowLikelihood, pairs: Pairs) -> FlowLikeliho
     correlation = fit_correlation(
         reduce(ScoreProducts.merge, (ScoreProducts.of(likelihood, m, z) for m, z in pairs))
     )
-    emphasis = 0.0
+    power = 0.0
     paper = likelihood.family.name == LaplaceCauchy.name and likelihood.schedule.name == "texture"
     if not paper and len(pairs) >= FEWEST:
         logs = [np.log(_field_errors(likelihood, m, z)) for m, z in pairs]
-        emphasis = float(EMPHASES[np.argmin(np.mean(logs, axis=0))])
-    return replace(likelihood, correlation=correlation, emphasis=emphasis)
+        power = float(POWERS[np.argmin(np.mean(logs, axis=0))])
+    return replace(likelihood, shared_errors=SharedErrors(correlation, power))
 
 
 def _field_errors(likelihood: FlowLikelihood, m: Measurements, z: Array) -> Array:
-    """Errors (E,) [px] of the affine motion field, at each of `EMPHASES`, where the true field is zero.
+    """Errors (E,) [px] of the affine motion field, at each of `POWERS`, where the true field is zero.
 
     One step of scoring from the truth, over errors z (N, 2) [px] in the eigenbasis; the field's RMS at the
     vectors.
@@ -85,8 +86,8 @@ def _field_errors(likelihood: FlowLikelihood, m: Measurements, z: Array) -> Arra
     terms = np.column_stack([np.ones(len(m)), centred / max(np.abs(centred).max(), 1.0)])
     J = np.einsum("nci,nk->ncik", np.swapaxes(m.R_i_e, 1, 2), terms).reshape(x.size, -1)
     errors = []
-    for emphasis in EMPHASES:
-        weight = (fisher / fisher.max()) ** emphasis
+    for power in POWERS:
+        weight = (fisher / fisher.max()) ** power
         step, *_ = np.linalg.lstsq(
             J.T @ ((weight * fisher)[:, None] * J), J.T @ (weight * score), rcond=1e-12
         )

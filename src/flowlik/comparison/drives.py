@@ -200,10 +200,11 @@ def _keep_outliers(drive: Drive, m: Measurements, sequence: ImageSequence, k: in
     motion, likelihood = drive.rows["nominal"].found[-1], drive.estimator.likelihood
     if motion.status is not Status.SOLVED:
         return
-    residual, T = Epipolar.of(m, sequence.camera), motion.T_k_prev.as_matrix()[:3]
-    bound = likelihood.bound(residual.coordinates(T, likelihood.schedule.index), OUTLIER_CONFIDENCE)
+    T = motion.T_k_prev.as_matrix()[:3]
+    errors = Epipolar.of(m, sequence.camera).at(T, likelihood.schedule.index)
+    bound = likelihood.bound(errors.x, OUTLIER_CONFIDENCE)
     known = bound < KNOWN_PX
-    inlier = np.abs(residual.linearise(T)[0]) <= bound
+    inlier = np.abs(errors.z) <= bound
     most = (~drive.outliers["inlier"]).sum() if drive.outliers else -1
     if (known & ~inlier).sum() > most:
         drive.outliers = {

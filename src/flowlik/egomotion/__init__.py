@@ -2,6 +2,7 @@
 
 from flowlik.egomotion.epipolar import Epipolar
 from flowlik.egomotion.estimator import Estimator
+from flowlik.egomotion.inlier_rules import ByComponent, ByVector
 from flowlik.egomotion.known_depth import KnownDepth
 from flowlik.egomotion.posterior import GaussianPrior, LogProb, log_prob
 from flowlik.egomotion.presets import lcmsac, mle, ransac
@@ -9,6 +10,8 @@ from flowlik.egomotion.residual import Residual
 from flowlik.egomotion.result import EgoMotion, Status
 
 __all__ = [
+    "ByComponent",
+    "ByVector",
     "EgoMotion",
     "Epipolar",
     "Estimator",

@@ -1,4 +1,4 @@
-"""Compiled kernels of ego-motion: linearisation, minimal solutions and scores. Twins stand in the tests.
+"""Compiled kernels of ego-motion: linearisation, minimal solutions and support. Twins stand in the tests.
 
 Motions are (3, 4) matrices [R | t]. Cameras are (fx, fy, cx, cy).
 """
@@ -140,14 +140,14 @@ def total_score_depth(T, directions, rho, ends, R_i_e, camera, rows, used, bound
 
 
 @njit(cache=True, nogil=True)
-def score_depth(hypotheses, directions, rho, ends, R_i_e, camera, bounds, by_vector, first, last, counts):  # type: ignore[no-untyped-def]
-    """Inliers of each hypothesis (K, 3, 4): components within bounds (N, 2), or vectors within bounds[:, 0].
+def support_depth(motions, directions, rho, ends, R_i_e, camera, bounds, by_vector, first, last, counts):  # type: ignore[no-untyped-def]
+    """Inliers of each motion (K, 3, 4): components within bounds (N, 2), or vectors within bounds[:, 0].
 
-    A negative bound leaves a component out. Hypotheses first to last are counted.
+    A negative bound leaves a component out. Motions first to last are counted.
     """
     fx, fy, cx, cy = camera
     for k in range(first, last):
-        T, count = hypotheses[k], 0
+        T, count = motions[k], 0
         for i in range(len(rho)):
             x, y, z = _point(T, directions[i], rho[i])
             if z <= 1e-9:
@@ -257,7 +257,7 @@ def linearise_epipolar(T, rays, ends, focal):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def score_epipolar(essentials, rays, ends, focal, bounds, first, last, counts):  # type: ignore[no-untyped-def]
+def support_epipolar(essentials, rays, ends, focal, bounds, first, last, counts):  # type: ignore[no-untyped-def]
     """Inliers of each essential matrix (K, 3, 3); bounds (N, A) over the normal's pseudo-angle."""
     fx, fy = focal
     nodes = bounds.shape[1] - 1

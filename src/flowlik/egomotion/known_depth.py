@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.egomotion import _kernels
-from flowlik.egomotion.residual import Bound, Chosen, Equations, InliersOf, count_inliers
+from flowlik.egomotion.residual import Bound, Chosen, Equations, InliersOf, Linearised, count_support
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.image.sampling import sample_inverse_depth
@@ -22,10 +22,7 @@ from flowlik.support.arrays import Array
 class KnownDepth:
     """Flow of points of known depth: two eigen-components a vector, z = R_e_i (y - h)."""
 
-    minimal: ClassVar[int] = 3
-    components_per_vector: ClassVar[int] = 2
     metric: ClassVar[bool] = True
-    counted_px: ClassVar[float] = np.inf
     measurements: Measurements
     camera: Pinhole
     rho: Array
@@ -70,28 +67,32 @@ class KnownDepth:
         arrays = (c.p2v(m.pixels), self.rho, m.pixels + m.flow, m.R_i_e)
         object.__setattr__(self, "_points", tuple(np.ascontiguousarray(a) for a in arrays))
         object.__setattr__(self, "_camera", (c.fx, c.fy, c.cx, c.cy))
+        object.__setattr__(self, "_directions", np.swapaxes(m.R_i_e, 1, 2).reshape(-1, 2))
 
     _points: tuple[Array, ...] = field(init=False, repr=False)
     _camera: tuple[float, ...] = field(init=False, repr=False)
+    _directions: Array = field(init=False, repr=False)
     _coordinates: dict[Index, Array] = field(init=False, repr=False, default_factory=dict)
 
     def __len__(self) -> int:
         """Return the number of flow vectors."""
         return len(self.rho)
 
-    def linearise(self, T: Array) -> tuple[Array, Array]:
-        """Errors z (2N,) [px] and Jacobian (2N, 6); NaN errors behind the camera."""
-        return _kernels.linearise_depth(T, *self._points, self._camera)
+    @property
+    def sampling(self) -> ThreePoint:
+        """Samples of three vectors."""
+        return ThreePoint(self)
 
-    def coordinates(self, T: Array, index: Index) -> Array:
-        """Coordinates x (2N,), the same at every motion and therefore kept."""
+    def at(self, T: Array, index: Index) -> Linearised:
+        """Errors z (2N,) [px] of eigen-components; their coordinates are the same at every motion."""
+        z, J = _kernels.linearise_depth(T, *self._points, self._camera)
+        return Linearised(T, z, J, self.coordinates(index), self._directions, np.eye(6))
+
+    def coordinates(self, index: Index) -> Array:
+        """Schedule coordinates x (2N,), kept."""
         if index not in self._coordinates:
             self._coordinates[index] = index.of(self.measurements).ravel()
         return self._coordinates[index]
-
-    def eigen_coordinates(self, index: Index) -> Array:
-        """Coordinates x (N, 2) of the eigen-components."""
-        return self.coordinates(np.eye(4)[:3], index).reshape(-1, 2)
 
     def equations(self, T: Array, chosen: Chosen, widened: float = 1.0) -> Equations:
         """Normal equations of the chosen components."""
@@ -100,7 +101,8 @@ class KnownDepth:
             *_kernels.equations_depth(
                 T, *self._points, self._camera, chosen.rows, chosen.fisher, chosen.used,
                 tables.log_prob, tables.weight, widened,
-            )
+            ),
+            np.eye(6),
         )  # fmt: skip
 
     def total_score(self, T: Array, chosen: Chosen, bounds: Array) -> Array:
@@ -110,49 +112,43 @@ class KnownDepth:
         )
         return b
 
-    def directions(self, T: Array) -> Array:
-        """Eigenvectors (2N, 2), the same at every motion."""
-        return np.swapaxes(self.measurements.R_i_e, 1, 2).reshape(-1, 2)
+    def retract(self, T: Array, step: Array) -> Array:
+        """Motion after a step (6,)."""
+        return np.asarray(_kernels.retract(T, step))
 
-    def basis(self, T: Array) -> Array:
-        """All six directions are observable."""
-        return np.eye(6)
+
+@dataclass(frozen=True)
+class ThreePoint:
+    """Three flow vectors of known depth: six equations for the six freedoms of a motion."""
+
+    residual: KnownDepth
+    minimal: ClassVar[int] = 3
+
+    def coordinates(self, index: Index) -> Array:
+        """Coordinates x (N, 2) of the eigen-components."""
+        return self.residual.coordinates(index).reshape(-1, 2)
 
     def propose(self, samples: NDArray[np.intp], start: Array) -> Array:
         """Motions (M, 3, 4) through three points each, those that converged from `start`."""
-        directions, rho, ends, _ = self._points
-        motions, converged = _kernels.three_point_motions(samples, start, directions, rho, ends, self._camera)
+        directions, rho, ends, _ = self.residual._points
+        motions, converged = _kernels.three_point_motions(
+            samples, start, directions, rho, ends, self.residual._camera
+        )
         return motions[converged]
 
-    def hypothesis(self, T: Array) -> Array:
-        """Return the motion, which is a hypothesis."""
-        return T
-
-    def bounds(self, bound: Bound, index: Index, kept: NDArray[np.bool_]) -> Array:
-        """Bounds (N, 2) [px], -1 where left out."""
-        return np.where(kept, bound(self.eigen_coordinates(index)), -1.0)
-
-    def score(self, hypotheses: Array, bounds: Array, by_vector: bool) -> NDArray[np.int64]:
-        """Inlier components, or vectors, of each motion."""
-        inputs = (hypotheses, *self._points, self._camera, bounds, by_vector)
-        return count_inliers(_kernels.score_depth, inputs, len(hypotheses))
-
-    def motion(self, hypothesis: Array, inliers_of: InliersOf) -> tuple[Array, bool]:
-        """Return the hypothesis, which is a motion."""
-        return hypothesis, False
-
-    def still(self) -> bool:
-        """Return False: with known depth a standstill is a motion like any other."""
-        return False
-
-    def rotation_share(self, T: Array, bound: Bound, index: Index) -> float:
-        """Return 0: with known depth a pure rotation is a motion like any other."""
-        return 0.0
-
-    def kept_components(self, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def components(self, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Components (2N,) of kept eigen-components (N, 2)."""
         return kept.ravel()
 
-    def normalise(self, T: Array) -> Array:
-        """Return the motion unchanged: depth makes it metric."""
-        return T
+    def bounds(self, bound: Bound, index: Index) -> Array:
+        """Bounds (2N, 1) [px] of the eigen-components."""
+        return bound(self.residual.coordinates(index))[:, None]
+
+    def support(self, hypotheses: Array, bounds: Array, by_vector: bool) -> NDArray[np.int64]:
+        """Inlier components, or vectors, of each motion."""
+        inputs = (hypotheses, *self.residual._points, self.residual._camera, bounds.reshape(-1, 2), by_vector)
+        return count_support(_kernels.support_depth, inputs, len(hypotheses))
+
+    def resolve(self, hypothesis: Array, inliers_of: InliersOf) -> tuple[Array, bool]:
+        """Return the hypothesis: it is a motion, and with known depth no other has the same errors."""
+        return hypothesis, False

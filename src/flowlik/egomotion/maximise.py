@@ -1,4 +1,4 @@
-"""Maximum likelihood of a motion over chosen components: Fisher scoring, as the estimator refines."""
+"""Maximum likelihood of a motion over chosen components: Fisher scoring."""
 
 from __future__ import annotations
 
@@ -6,25 +6,24 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.egomotion import _kernels
 from flowlik.egomotion.posterior import LOST_NAT, Tempered
-from flowlik.egomotion.residual import Chosen, Residual
-from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.egomotion.problem import Problem
+from flowlik.egomotion.residual import Linearised
 from flowlik.support.arrays import Array
 
-STEPS = 30
+# most steps of a refinement, and rounds in which inliers are chosen anew
+STEPS, REFINEMENTS = 30, 5
 # a step that gains less is a tenth of a standard deviation at most
 CONVERGED_NAT = 1e-3
-HALVINGS = 3
-WORTH_HALVING_NAT = 0.2
+# most halvings of a step that gains nothing, where more than this is left to gain
+HALVINGS, WORTH_HALVING_NAT = 3, 0.2
 # lengths of a step in units of the Fisher information's
 SHORTEST, LONGEST = 0.5, 8.0
 
 
 def maximise(
-    residual: Residual,
-    likelihood: FlowLikelihood,
-    T: Array,
+    problem: Problem,
+    errors: Linearised,
     chosen: NDArray[np.bool_],
     steps: int = STEPS,
     widened: float = 1.0,
@@ -37,10 +36,10 @@ def maximise(
 
     Parameters
     ----------
-    residual, likelihood : Residual, FlowLikelihood
-        Errors and their density, weighted as `residual.composite_weight` says.
-    T : array (3, 4)
-        Motion to start from.
+    problem : Problem
+        Errors and their density, weighted as `flowlik.egomotion.residual.weighting` says.
+    errors : Linearised
+        Errors at the motion to start from.
     chosen : bool array (C,)
         Components that enter.
     steps : int
@@ -55,17 +54,16 @@ def maximise(
     array (3, 4), float
         Motion, and the log-density there [nat].
     """
-    held = Chosen.of(residual, likelihood, residual.coordinates(T, likelihood.schedule.index), chosen)
+    residual, held, T = problem.residual, problem.chosen(errors.x, chosen), errors.T
 
-    def equations(T: Array) -> tuple[Array, Array, float]:
-        H, b, log_prob, lost = residual.equations(T, held, widened)
+    def equations(T: Array) -> tuple[Array, Array, float, Array]:
+        H, b, log_prob, lost, basis = residual.equations(T, held, widened)
         log_prob -= LOST_NAT * lost
-        return (H, b, log_prob) if prior is None else prior.add(transform(T), H, b, log_prob)
+        return *((H, b, log_prob) if prior is None else prior.add(transform(T), H, b, log_prob)), basis
 
-    H, b, log_prob = equations(T)
+    H, b, log_prob, B = equations(T)
     length = 1.0
     for _ in range(steps):
-        B = residual.basis(T)
         step = B @ _solve(B.T @ H @ B, B.T @ b)
         gain = b @ step
         if gain < CONVERGED_NAT:
@@ -73,8 +71,8 @@ def maximise(
         step = length * step
         # where little is left to gain, the cusp's rounding decides and a shorter step gains no more
         for _ in range(HALVINGS if gain > WORTH_HALVING_NAT else 1):
-            candidate = residual.normalise(_kernels.retract(T, step))
-            H_new, b_new, log_prob_new = equations(candidate)
+            candidate = residual.retract(T, step)
+            H_new, b_new, log_prob_new, B_new = equations(candidate)
             if log_prob_new > log_prob:
                 break
             step = 0.5 * step
@@ -82,8 +80,22 @@ def maximise(
             break
         curvature = step @ (b - b_new)
         length = min(max(float(step @ H @ step / curvature), SHORTEST), LONGEST) if curvature > 0 else 1.0
-        T, H, b, log_prob = candidate, H_new, b_new, log_prob_new
+        T, H, b, log_prob, B = candidate, H_new, b_new, log_prob_new, B_new
     return T, float(log_prob)
+
+
+def refine(problem: Problem, T: Array) -> tuple[Array, float]:
+    """Maximise over inliers, chosen anew until they settle, then over all components if the problem asks.
+
+    Which components count is decided at the motion given. Returns motion and log-density as `maximise`.
+    """
+    view = problem.at(T)
+    for _ in range(REFINEMENTS):
+        T, log_prob = maximise(problem, view.errors, view.inliers)
+        if T is view.errors.T:
+            break
+        view = problem.at(T, view.used)
+    return maximise(problem, view.errors, view.used) if problem.refine_all else (T, log_prob)
 
 
 def transform(T: Array) -> RigidTransform:

@@ -47,9 +47,8 @@ def log_prob(likelihood: FlowLikelihood, residual: Residual, T_k_prev: RigidTran
         If the likelihood belongs to another flow method or texture definition.
     """
     likelihood.check(residual.measurements)
-    T = residual.normalise(T_k_prev.as_matrix()[:3])
-    z, J = residual.linearise(T)
-    x = residual.coordinates(T, likelihood.schedule.index)
+    T = residual.retract(T_k_prev.as_matrix()[:3], np.zeros(6))
+    _, z, J, x, _, _ = residual.at(T, likelihood.schedule.index)
     seen = np.isfinite(z)
     z, J, x = z[seen], J[seen], x[seen]
     value = float(likelihood.log_prob(z, x).sum()) - LOST_NAT * int((~seen).sum())

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from flowlik.egomotion.estimator import Estimator
+from flowlik.egomotion.inlier_rules import ByComponent, ByVector
 from flowlik.likelihood.likelihood import FlowLikelihood
 
 
 def ransac(radius_px: float = 0.5, gate: float | None = None) -> Estimator:
     """RANSAC with a Gaussian: vectors within a radius, least squares on the inliers."""
-    return Estimator("ransac", FlowLikelihood.constant_gaussian(radius_px), radius_px=radius_px, gate=gate)
+    likelihood = FlowLikelihood.constant_gaussian(radius_px)
+    return Estimator("ransac", likelihood, ByVector(radius_px), gate=gate)
 
 
 def lcmsac(likelihood: FlowLikelihood, confidence: float = 0.90, gate: float | None = None) -> Estimator:
     """Sampling consensus by component within the likelihood's own region (paper, Sec. II-G)."""
-    return Estimator("lcmsac", likelihood, confidence=confidence, gate=gate)
+    return Estimator("lcmsac", likelihood, ByComponent(confidence), gate=gate)
 
 
 def mle(likelihood: FlowLikelihood, confidence: float = 0.90, gate: float | None = None) -> Estimator:
     """Maximum likelihood over all components, started from sampling consensus."""
-    return Estimator("mle", likelihood, confidence=confidence, gate=gate, refine_all=True)
+    return Estimator("mle", likelihood, ByComponent(confidence), refine_all=True, gate=gate)

@@ -1,9 +1,9 @@
-"""The Residual protocol: what turns a motion into error components (z, J, x) for a likelihood."""
+"""What a problem of ego-motion must offer: errors at a motion, normal equations, and minimal samples."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,56 @@ from flowlik.measurement.measurements import Measurements
 from flowlik.support.arrays import Array
 from flowlik.support.threads import in_bands
 
+# hypotheses that a thread takes at a time
 SCORED_TOGETHER = 25
 
 Bound = Callable[[Array], Array]
 InliersOf = Callable[[Array], NDArray[np.bool_]]
+
+
+class Linearised(NamedTuple):
+    """Errors of a residual at a motion T (3, 4), looked up once.
+
+    Attributes
+    ----------
+    T : array (3, 4)
+        Motion.
+    z : array (C,)
+        Errors [px], those of a vector side by side; NaN where there is no image.
+    J : array (C, 6)
+        Their Jacobian by the left tangent.
+    x : array (C,)
+        Schedule coordinates.
+    directions : array (C, 2)
+        Unit vectors in {i} along which the errors are.
+    basis : array (6, D)
+        Observable directions of the tangent, orthonormal.
+    """
+
+    T: Array
+    z: Array
+    J: Array
+    x: Array
+    directions: Array
+    basis: Array
+
+
+class Weighting(NamedTuple):
+    """How a likelihood's components enter an estimate.
+
+    Attributes
+    ----------
+    tables : LikelihoodTables
+        Times the composite weight.
+    weight : callable
+        Composite weight (C,) of components at coordinates x (C,).
+    widest_px : float
+        Widest bound [px] of a component that counts: one near any motion at all is no witness of it.
+    """
+
+    tables: LikelihoodTables
+    weight: Callable[[Array], Array]
+    widest_px: float
 
 
 class Chosen(NamedTuple):
@@ -34,35 +80,45 @@ class Chosen(NamedTuple):
     tables: LikelihoodTables
 
     @classmethod
-    def of(cls, residual: Residual, likelihood: FlowLikelihood, x: Array, used: NDArray[np.bool_]) -> Chosen:
-        """Components of a residual at coordinates x (C,), of which some are used."""
-        tables = likelihood.composite if residual.metric else likelihood.compiled
-        return cls(
-            used, tables.rows(x), likelihood.fisher(x) * composite_weight(residual, likelihood, x), tables
-        )
+    def of(
+        cls, likelihood: FlowLikelihood, weighting: Weighting, x: Array, used: NDArray[np.bool_]
+    ) -> Chosen:
+        """Components at coordinates x (C,), of which some are used."""
+        tables = weighting.tables
+        return cls(used, tables.rows(x), likelihood.fisher(x) * weighting.weight(x), tables)
 
 
 class Equations(NamedTuple):
-    """Information H (6, 6), gradient b (6,), log-density [nat], and components without an image."""
+    """Normal equations at a motion.
+
+    Attributes
+    ----------
+    H : array (6, 6)
+        Information.
+    b : array (6,)
+        Gradient of the log-density.
+    log_prob : float
+        Log-density [nat].
+    lost : int
+        Components without an image.
+    basis : array (6, D)
+        Observable directions of the tangent.
+    """
 
     H: Array
     b: Array
     log_prob: float
     lost: int
+    basis: Array
 
 
 class Residual(Protocol):
-    """The four steps of an estimator need this much of a problem.
+    """A problem of ego-motion. Motions are (3, 4) matrices ``[R | t]`` of ``T_k_prev``."""
 
-    Motions are (3, 4) matrices ``[R | t]`` of ``T_k_prev``. A hypothesis is what a minimal sample gives:
-    a motion for known depth, an essential matrix for the epipolar residual.
-    """
-
-    minimal: ClassVar[int]
-    components_per_vector: ClassVar[int]
-    metric: ClassVar[bool]
-    counted_px: ClassVar[float]
-    """Widest bound [px] of a component that counts: one near any motion at all is no witness of it."""
+    @property
+    def metric(self) -> bool:
+        """Whether the translation has a scale."""
+        ...
 
     @property
     def measurements(self) -> Measurements:
@@ -74,20 +130,13 @@ class Residual(Protocol):
         """Flow vectors left out, by reason."""
         ...
 
-    def __len__(self) -> int:
-        """Return the number of flow vectors."""
+    @property
+    def sampling(self) -> Sampling:
+        """Minimal samples of the vectors and the motions through them."""
         ...
 
-    def linearise(self, T: Array) -> tuple[Array, Array]:
-        """Errors z (C,) [px] and their Jacobian (C, 6) at a motion; NaN errors where there is no image."""
-        ...
-
-    def coordinates(self, T: Array, index: Index) -> Array:
-        """Schedule coordinates x (C,) of the errors at a motion."""
-        ...
-
-    def eigen_coordinates(self, index: Index) -> Array:
-        """Schedule coordinates x (N, 2) of the vectors' eigen-components."""
+    def at(self, T: Array, index: Index) -> Linearised:
+        """Errors at a motion."""
         ...
 
     def equations(self, T: Array, chosen: Chosen, widened: float = 1.0) -> Equations:
@@ -98,83 +147,75 @@ class Residual(Protocol):
         """Gradient (6,) of the log-density of the chosen components within their bounds (C,) [px]."""
         ...
 
-    def directions(self, T: Array) -> Array:
-        """Unit vectors (C, 2) in {i} along which the errors are, those of one vector side by side."""
+    def retract(self, T: Array, step: Array) -> Array:
+        """Motion after a step (6,) along the tangent, what is unobservable set by convention."""
         ...
 
-    def basis(self, T: Array) -> Array:
-        """Observable directions (6, D) of the tangent at a motion."""
+
+class Sampling(Protocol):
+    """Minimal samples of a residual: what they propose, and how many components support that.
+
+    A hypothesis is what a minimal sample gives: a motion (3, 4), or what several motions share.
+    """
+
+    @property
+    def minimal(self) -> int:
+        """Vectors of a minimal sample."""
+        ...
+
+    def coordinates(self, index: Index) -> Array:
+        """Schedule coordinates x (N, 2) of the vectors' eigen-components."""
         ...
 
     def propose(self, samples: NDArray[np.intp], start: Array) -> Array:
-        """Hypotheses (M, ...) of minimal samples (K, minimal) of vectors."""
+        """Hypotheses (M, ...) of samples (K, minimal) of vectors."""
         ...
 
-    def hypothesis(self, T: Array) -> Array:
-        """Hypothesis that stands for a motion (3, 4)."""
-        ...
-
-    def bounds(self, bound: Bound, index: Index, kept: NDArray[np.bool_]) -> Array:
-        """Bounds [px] in the form `score` takes; components not in ``kept`` (N, 2) are left out."""
-        ...
-
-    def score(self, hypotheses: Array, bounds: Array, by_vector: bool) -> NDArray[np.int64]:
-        """Inliers of each hypothesis."""
-        ...
-
-    def motion(self, hypothesis: Array, inliers_of: InliersOf) -> tuple[Array, bool]:
-        """Motion (3, 4) that a hypothesis stands for, and whether another explains the data as well."""
-        ...
-
-    def still(self) -> bool:
-        """Whether nothing moves, so that the residual says nothing about a motion."""
-        ...
-
-    def rotation_share(self, T: Array, bound: Bound, index: Index) -> float:
-        """Share of eigen-components that the motion's rotation alone explains within their bounds."""
-        ...
-
-    def kept_components(self, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def components(self, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Which components (C,) a gate on eigen-components (N, 2) keeps."""
         ...
 
-    def normalise(self, T: Array) -> Array:
-        """Return the motion with what is unobservable set by convention."""
+    def bounds(self, bound: Bound, index: Index) -> Array:
+        """Bounds (C, A) [px] of the components, each at A directions."""
+        ...
+
+    def support(self, hypotheses: Array, bounds: Array, by_vector: bool) -> NDArray[np.int64]:
+        """Inliers (M,) of each hypothesis, components or vectors; a bound of -1 leaves a component out."""
+        ...
+
+    def resolve(self, hypothesis: Array, inliers_of: InliersOf) -> tuple[Array, bool]:
+        """Of a hypothesis' motions the likeliest, and whether another is nearly as likely.
+
+        Of a motion (3, 4), those with the same errors stand for choice.
+        """
         ...
 
 
-def composite_weight(residual: Residual, likelihood: FlowLikelihood, x: Array) -> Array:
-    """Weight (C,) of each component's log-density in an estimate.
+def weighting(residual: Residual, likelihood: FlowLikelihood) -> Weighting:
+    """How a residual's components enter an estimate.
 
-    Without depth it is 1: the emphasis is calibrated on whole vectors, of which an epipolar error
-    is the part across its line (docs/decisions.md).
+    With known depth each counts by its composite weight. The power of that is calibrated on whole vectors, of
+    which an epipolar error is the part across its line: without depth components count alike, but only
+    those known to 2 px (docs/decisions.md).
     """
-    return likelihood.composite_weight(x) if residual.metric else np.ones(len(x))
+    if residual.metric:
+        return Weighting(likelihood.composite, likelihood.composite_weight, np.inf)
+    return Weighting(likelihood.compiled, np.ones_like, 2.0)
 
 
-def equations_of(z: Array, J: Array, chosen: Chosen, widened: float) -> Equations:
-    """Normal equations of linearised errors."""
+def equations_of(z: Array, J: Array, basis: Array, chosen: Chosen, widened: float = 1.0) -> Equations:
+    """Normal equations of linearised errors z (C,), J (C, 6)."""
     if widened != 1.0:
         z, J = z / widened, J / widened
     usable = chosen.used & np.isfinite(z)
     H, b, log_prob = normal_equations(
         z, J, chosen.rows, chosen.fisher, usable, chosen.tables.log_prob, chosen.tables.weight
     )
-    return Equations(H, b, log_prob, int(chosen.used.sum() - usable.sum()))
+    return Equations(H, b, log_prob, int(chosen.used.sum() - usable.sum()), basis)
 
 
-def count_inliers(kernel: Callable[..., None], inputs: tuple[Any, ...], hypotheses: int) -> NDArray[np.int64]:
-    """Inliers of hypotheses (K,) by a scoring kernel, in bands on threads."""
+def count_support(kernel: Callable[..., None], inputs: tuple[Any, ...], hypotheses: int) -> NDArray[np.int64]:
+    """Inliers of hypotheses (M,) by a counting kernel, in bands on threads."""
     counts = np.zeros(hypotheses, np.int64)
     in_bands(lambda first, last: kernel(*inputs, first, last, counts), hypotheses, SCORED_TOGETHER)
     return counts
-
-
-def draw_samples(weights: Array, count: int, size: int, rng: np.random.Generator) -> NDArray[np.intp]:
-    """Samples (K, size) of distinct vectors, K <= count: those that repeat a vector are dropped."""
-    cumulated = np.cumsum(weights)
-    drawn = np.searchsorted(cumulated, rng.random((count, size)) * cumulated[-1], side="right")
-    drawn = np.sort(np.minimum(drawn, len(weights) - 1), axis=1)
-    distinct = drawn[(np.diff(drawn, axis=1) > 0).all(axis=1)]
-    # a handful of vectors rarely gives a distinct draw
-    return distinct if len(distinct) else rng.permutation(len(weights))[None, :size]

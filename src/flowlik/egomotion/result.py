@@ -10,8 +10,6 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.support.arrays import Array
 
-LEAST_RECIPROCAL_CONDITION = 1e-9
-
 
 class Status(StrEnum):
     """How far a motion can be used."""
@@ -97,14 +95,3 @@ def unsolved(status: Status, reason: str, excluded: dict[str, int] | None = None
     """Return the identity with no information and no covariance, and why."""
     zero, unknown = np.zeros((6, 6)), np.full((6, 6), np.nan)
     return EgoMotion(RigidTransform.identity(), zero, unknown, status, reason, excluded=excluded or {})
-
-
-def conditioned(basis: Array, information: Array) -> tuple[Status, str]:
-    """SOLVED if the information (6, 6) determines every observable direction (6, D), else why not."""
-    A = basis.T @ information @ basis
-    scale = np.sqrt(np.diag(A))
-    if (scale > 0).all():
-        eigenvalues = np.linalg.eigvalsh(A / np.outer(scale, scale))
-        if eigenvalues[0] > LEAST_RECIPROCAL_CONDITION * eigenvalues[-1]:
-            return Status.SOLVED, ""
-    return Status.DEGENERATE, "the measurements do not determine every direction of the motion"

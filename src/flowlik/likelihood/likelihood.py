@@ -15,12 +15,11 @@ from flowlik.image.texture import TextureDefinition
 from flowlik.likelihood import tables
 from flowlik.likelihood.families import ErrorFamily, Gaussian
 from flowlik.likelihood.schedule import Schedule, check_values
-from flowlik.likelihood.shared_errors import ScoreCorrelation
+from flowlik.likelihood.shared_errors import SharedErrors
 from flowlik.measurement.measurements import Measurements
 from flowlik.support.arrays import Array
 
 BOUND_NODES = 513
-MOST_EMPHASIS = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +41,8 @@ class FlowLikelihood:
         Flow method's name and parameters; None for a likelihood of any flow, as RANSAC's.
     provenance, goodness : dict
         Where the table comes from, and figures of how well it fits.
-    correlation : ScoreCorrelation or None
-        How scores of neighbouring vectors go together; None where it was not measured.
-    emphasis : float
-        Power of its information that a component counts with in an estimate (`composite_weight`).
+    shared_errors : SharedErrors
+        What the errors of an image have in common.
 
     Raises
     ------
@@ -59,13 +56,10 @@ class FlowLikelihood:
     method: dict[str, Any] | None = None
     provenance: dict[str, Any] = field(default_factory=dict)
     goodness: dict[str, Any] = field(default_factory=dict)
-    correlation: ScoreCorrelation | None = None
-    emphasis: float = 0.0
+    shared_errors: SharedErrors = field(default_factory=SharedErrors)
 
     def __post_init__(self) -> None:
         check_values(self.family, self.schedule)
-        if not 0 <= self.emphasis <= MOST_EMPHASIS:
-            raise ModelError(f"an emphasis must lie between 0 and {MOST_EMPHASIS:g}, not {self.emphasis}")
 
     @classmethod
     def constant_gaussian(cls, sigma_px: float) -> FlowLikelihood:
@@ -139,15 +133,15 @@ class FlowLikelihood:
         return self._interpolate(x, self._informations[confidence])
 
     def composite_weight(self, x: Array | float) -> Array:
-        """Weight in (0, 1] of a component's log-density in an estimate over many, ``(f / max f)^emphasis``.
+        """Weight in (0, 1] of a component's log-density in an estimate over many, ``(f / max f)^power``.
 
         Errors that vectors share are the larger part of wide ones: in a product of likelihoods, as if all
         were independent, components of little information f would count too much
         (docs/theory-covariance.md).
         """
-        if self.emphasis == 0:
+        if (power := self.shared_errors.composite_power) == 0:
             return np.ones(np.shape(x))
-        return np.asarray((self.fisher(x) / self._most_fisher) ** self.emphasis)
+        return np.asarray((self.fisher(x) / self._most_fisher) ** power)
 
     def _interpolate(self, x: Array | float, values: Array) -> Array:
         """Values at x, given at the nodes."""
@@ -163,7 +157,7 @@ class FlowLikelihood:
     @cached_property
     def composite(self) -> tables.LikelihoodTables:
         """Tables like `compiled`, times `composite_weight`."""
-        if self.emphasis == 0:
+        if self.shared_errors.composite_power == 0:
             return self.compiled
         return self.compiled.times(self.composite_weight(self.compiled.x)[:, None].astype(np.float32))
 

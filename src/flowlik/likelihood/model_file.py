@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from flowlik.errors import FlowlikError, ModelError
 from flowlik.flow import check_record
@@ -14,7 +14,7 @@ from flowlik.image.texture import TextureDefinition
 from flowlik.likelihood.families import error_family
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.schedule import Schedule, index_of_values, index_values
-from flowlik.likelihood.shared_errors import ScoreCorrelation
+from flowlik.likelihood.shared_errors import SharedErrors
 from flowlik.likelihood.shipped import shipped
 from flowlik.support.files import atomic_write
 
@@ -47,17 +47,21 @@ class _Texture(_Strict):
     window: int
 
 
+class _SharedErrors(_Strict):
+    correlation: dict[str, list[float]] | None = None
+    composite_power: float = 0.0
+
+
 class ModelFile(_Strict):
-    """Layout of a model file, schema version 2.
+    """Layout of a model file, schema version 3.
 
     ``index`` says how covariates give x (ln of texture for the paper's schedule), ``knots`` are of x;
     ``table`` maps each parameter of the family to its values at the knots, linear
-    between; ``score_correlation`` is the correlation of scores over pixel distance, when it was
-    measured (`flowlik.likelihood.shared_errors`), ``emphasis`` the power of its information that a
-    component counts with in an estimate.
+    between; ``shared_errors`` are what the errors of an image have in common
+    (`flowlik.likelihood.shared_errors`). Files of version 2 are read.
     """
 
-    schema_version: Literal[2] = 2
+    schema_version: Literal[3] = 3
     family: str
     interpolation: Literal["parameter"] = "parameter"
     index: _Index
@@ -67,8 +71,20 @@ class ModelFile(_Strict):
     flow: dict[str, Any]
     provenance: dict[str, Any]
     goodness: dict[str, Any]
-    score_correlation: dict[str, list[float]] | None = None
-    emphasis: float = 0.0
+    shared_errors: _SharedErrors = _SharedErrors()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_version_2(cls, content: Any) -> Any:
+        """Version 2 had the parts of shared errors on their own, the power under another name."""
+        if not isinstance(content, dict) or content.get("schema_version") != 2:
+            return content
+        content = {**content, "schema_version": 3}
+        shared = {
+            "correlation": content.pop("score_correlation", None),
+            "composite_power": content.pop("emphasis", 0.0),
+        }
+        return {**content, "shared_errors": shared}
 
 
 def save_likelihood(likelihood: FlowLikelihood, path: Path | str) -> None:
@@ -91,8 +107,7 @@ def save_likelihood(likelihood: FlowLikelihood, path: Path | str) -> None:
         flow=likelihood.method,
         provenance=likelihood.provenance,
         goodness=likelihood.goodness,
-        score_correlation=likelihood.correlation.values() if likelihood.correlation else None,
-        emphasis=likelihood.emphasis,
+        shared_errors=_SharedErrors.model_validate(likelihood.shared_errors.values()),
     )
     with atomic_write(Path(path)) as file:
         file.write(content.model_dump_json(indent=1) + "\n")
@@ -144,8 +159,7 @@ def load_likelihood(path: Path | str) -> FlowLikelihood:
             check_record(content.flow),
             content.provenance,
             content.goodness,
-            ScoreCorrelation.of_values(content.score_correlation) if content.score_correlation else None,
-            content.emphasis,
+            SharedErrors.of_values(content.shared_errors.model_dump()),
         )
     except OSError as error:
         raise ModelError(f"{path}: cannot read the model file ({error.strerror or error})") from None

@@ -1,8 +1,9 @@
-"""Correlation of neighbouring scores, which a product of likelihoods ignores (docs/theory-covariance.md)."""
+"""What the errors of an image share, and a product of likelihoods ignores (docs/theory-covariance.md)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from flowlik.errors import ModelError
 from flowlik.support.arrays import Array
 
 KEYS = ("scale_px", "isotropic", "along", "vertical")
+MOST_POWER = 3.0
 SCALES_PX = (4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0)
 
 
@@ -62,13 +64,65 @@ class ScoreCorrelation:
 
     @classmethod
     def of_values(cls, values: dict[str, list[float]]) -> ScoreCorrelation:
-        """Correlation of what `values` gave."""
+        """Correlation of what `values` gave.
+
+        Raises
+        ------
+        ModelError
+            If its parts are others, or their numbers do not fit.
+        """
         # files of before the vertical term have none
         vertical = [0.0] * len(values.get("along", ()))
         values = {"vertical": vertical, **values}
         if set(values) != set(KEYS):
             raise ModelError(f"a correlation needs {', '.join(KEYS)}, not {', '.join(sorted(values))}")
         return cls(*(np.array(values[name], np.float64) for name in KEYS))
+
+
+@dataclass(frozen=True, eq=False)
+class SharedErrors:
+    """What the errors of an image have in common.
+
+    Attributes
+    ----------
+    correlation : ScoreCorrelation or None
+        How scores of neighbouring vectors go together; None where it was not measured.
+    composite_power : float
+        Power of its information that a component counts with in an estimate over many
+        (`flowlik.likelihood.likelihood.FlowLikelihood.composite_weight`).
+
+    Raises
+    ------
+    ModelError
+        If the power is out of range.
+    """
+
+    correlation: ScoreCorrelation | None = None
+    composite_power: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.composite_power <= MOST_POWER:
+            raise ModelError(
+                f"a composite power must lie between 0 and {MOST_POWER:g}, not {self.composite_power}"
+            )
+
+    def values(self) -> dict[str, Any]:
+        """Plain JSON values, as `of_values` takes them."""
+        correlation = None if self.correlation is None else self.correlation.values()
+        return {"correlation": correlation, "composite_power": self.composite_power}
+
+    @classmethod
+    def of_values(cls, values: dict[str, Any]) -> SharedErrors:
+        """Shared errors of what `values` gave.
+
+        Raises
+        ------
+        ModelError
+            If a number is out of range or missing.
+        """
+        correlation = values["correlation"]
+        found = None if correlation is None else ScoreCorrelation.of_values(correlation)
+        return cls(found, values["composite_power"])
 
 
 def shapes(distance_px: Array, scales_px: Array) -> Array:

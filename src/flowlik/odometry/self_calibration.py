@@ -183,11 +183,10 @@ class Intrinsics:
             Which found it: its inliers tell of the camera too.
         """
         likelihood, residual = estimator.likelihood, Epipolar.of(self.rectified(m), self.camera)
-        _, normal, J = residual.linearise_with_normal(T)
+        _, _, J, x, _, basis = residual.at(T, likelihood.schedule.index)
         z, G = self.linearise(m, T)
-        J = J @ (basis := residual.basis(T))
+        J = J @ basis
         usable = np.isfinite(z) & np.isfinite(G).all(axis=1)
-        x = likelihood.schedule.index.along(residual.measurements, normal)
         expected = likelihood.bound(x[usable], 0.5)
         excess = float(np.median(np.abs(z[usable]) / expected)) if usable.any() else 1.0
         # wrong tracks along one structure err alike, and outweigh what a frame knows of its camera
@@ -246,7 +245,7 @@ class Intrinsics:
         """Epipolar errors (N,) in pixels of the images; ideal ones would reward shrinking them."""
         camera, distortion = self._with(values)
         ideal = _rectified(m, camera, distortion)
-        z, normal, _ = Epipolar.of(ideal, camera).linearise_with_normal(T)
+        z, normal, _ = Epipolar.of(ideal, camera).linearise(T)
         return z * distortion.stretch(camera.rays(ideal.pixels + ideal.flow)[:, :2], normal)
 
     def _with(self, values: Array) -> tuple[Pinhole, Distortion]:

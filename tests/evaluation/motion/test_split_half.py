@@ -13,7 +13,7 @@ from flowlik.evaluation.motion.split_half import (
     truth_distances,
 )
 from flowlik.geometry.motion import exp_se3
-from flowlik.likelihood.shared_errors import SCALES_PX, ScoreCorrelation
+from flowlik.likelihood.shared_errors import SCALES_PX, ScoreCorrelation, SharedErrors
 from tests.helpers import CAMERA, lcm_likelihood, make_scene, random_motion
 
 
@@ -69,7 +69,7 @@ def test_the_covariance_of_a_difference_knows_what_halves_share():
     for parts, own in ((apart, 1.0), (twice, 1.0), (twice, 0.5)):
         weights = np.array([own, *np.zeros(7), 1 - own])
         correlation = ScoreCorrelation(np.array(SCALES_PX), weights, np.zeros(9), np.zeros(9))
-        model = lcm_likelihood(correlation=correlation)
+        model = lcm_likelihood(shared_errors=SharedErrors(correlation))
         residuals = [Epipolar.of(part, CAMERA) for part in parts]
         estimator = mle(model)
         found = [estimator.estimate(residual, seed=0) for residual in residuals]

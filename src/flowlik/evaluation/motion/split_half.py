@@ -16,7 +16,6 @@ from scipy.stats import chi2
 
 from flowlik.egomotion import EgoMotion, Epipolar, Estimator
 from flowlik.egomotion.covariance import score_covariance
-from flowlik.egomotion.score_moments import component_information
 from flowlik.support.arrays import Array
 
 TILE_PX = 64
@@ -76,16 +75,16 @@ def difference_covariance(estimator: Estimator, halves_: Seq[Epipolar], motions:
     effects, fishers, directions = [], [], []
     for residual, motion, sign in zip(halves_, motions, (1.0, -1.0)):
         T = motion.T_k_prev.as_matrix()[:3]
-        _, normal, J = residual.linearise_with_normal(T)
-        basis = residual.basis(T)
-        used = estimator.telling(residual, T, np.ones(len(residual), dtype=bool))
+        problem = estimator.problem(residual)
+        view = problem.at(T)
+        basis = view.errors.basis
         assert motion.sensitivity is not None
-        effects.append(sign * J @ basis @ np.linalg.inv(basis.T @ motion.sensitivity @ basis) @ basis.T)
-        x = residual.coordinates(T, estimator.likelihood.schedule.index)
-        fishers.append(component_information(estimator, residual, T, x, used))
-        directions.append(normal)
+        inverse = basis @ np.linalg.inv(basis.T @ motion.sensitivity @ basis) @ basis.T
+        effects.append(sign * view.errors.J @ inverse)
+        fishers.append(problem.information(view))
+        directions.append(view.errors.directions)
     effect, fisher = np.concatenate(effects), np.concatenate(fishers)
-    if (correlation := estimator.likelihood.correlation) is None:
+    if (correlation := estimator.likelihood.shared_errors.correlation) is None:
         return np.asarray(effect.T @ (fisher[:, None] * effect))
     first, second = (residual.measurements for residual in halves_)
     together = replace(

@@ -1,0 +1,69 @@
+"""Moments of a frame's total score: what the covariance is made of (docs/theory-covariance.md)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flowlik.egomotion.covariance import observed_sensitivity, sandwich, score_covariance, temperature
+from flowlik.egomotion.observability import determines
+from flowlik.egomotion.posterior import GaussianPrior, Tempered
+from flowlik.egomotion.problem import Problem, View
+from flowlik.support.arrays import Array
+
+
+class Moments(NamedTuple):
+    """Of the total score along the left tangent, each (6, 6).
+
+    Attributes
+    ----------
+    information : array (6, 6)
+        A, expected sensitivity: how fast the score falls, were the density exact.
+    variability : array (6, 6)
+        B, covariance of the score.
+    sensitivity : array (6, 6)
+        A as this frame has it; the expected one where correlations or a direction are unknown.
+    """
+
+    information: Array
+    variability: Array
+    sensitivity: Array
+
+    def covariance(self, basis: Array) -> Array:
+        """Covariance (6, 6) of the motion within the observable directions (6, D)."""
+        return sandwich(self.sensitivity, self.variability, basis)
+
+    def tempered(self, prior: GaussianPrior) -> Tempered:
+        """A prior, with the power of the likelihood that is worth what it knows."""
+        return Tempered(prior, temperature(self.sensitivity, self.variability))
+
+    def with_prior(self, belief: Tempered) -> Moments:
+        """Moments of the posterior's score."""
+        A, B = belief.posterior(self.information, self.variability)
+        return Moments(A, B, belief.posterior(self.sensitivity, self.variability)[0])
+
+
+def score_moments(problem: Problem, view: View) -> Moments:
+    """Moments at a motion. Without a correlation of scores they are those of independent ones."""
+    J, x, directions = view.errors.J, view.errors.x, view.errors.directions
+    fisher, weight = problem.information(view), problem.weighting.weight(x)
+    A = J.T @ ((weight * fisher)[:, None] * J)
+    variance = weight**2 * fisher
+    correlation = problem.likelihood.shared_errors.correlation
+    if correlation is None:
+        return Moments(A, J.T @ (variance[:, None] * J), A)
+    B = score_covariance(problem.residual.measurements, directions, J, variance, correlation)
+    return Moments(A, B, _sensitivity(problem, view, A, B) if determines(A, view.errors.basis) else A)
+
+
+def _sensitivity(problem: Problem, view: View, A: Array, B: Array) -> Array:
+    """Observed sensitivity (6, 6)."""
+    residual, (T, _, _, x, _, basis) = problem.residual, view.errors
+    held = problem.chosen(x, view.used)
+    bounds = np.full(len(x), np.inf) if problem.refine_all else view.bounds
+
+    def gradient(step: Array) -> Array:
+        return residual.total_score(residual.retract(T, step), held, bounds)
+
+    return observed_sensitivity(gradient, A, sandwich(A, B, basis), basis)
