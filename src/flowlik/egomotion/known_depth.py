@@ -12,6 +12,7 @@ from flowlik.egomotion import _kernels
 from flowlik.egomotion.residual import Bound, Chosen, Equations, InliersOf, Linearised, count_support
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
+from flowlik.image.depth import check_depth_z
 from flowlik.image.sampling import sample_inverse_depth
 from flowlik.likelihood.schedule import Index
 from flowlik.measurement.measurements import Measurements
@@ -38,8 +39,10 @@ class KnownDepth:
         Raises
         ------
         DataError
-            If the depth map's size is not the camera's, or measurements lie outside the camera's image.
+            If depths are whole numbers, a depth map's size is not the camera's, or measurements lie outside
+            the camera's image.
         """
+        check_depth_z(depth_z)
         size = f"{camera.width}x{camera.height}"
         column, row = np.rint(measurements.pixels).T
         inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
