@@ -215,7 +215,6 @@ def _cameras() -> dict[str, Target]:
         "euroc": camera_files.EUROC,
         "orb-slam 2": camera_files.ORB_SLAM_2,
         "orb-slam 3": camera_files.ORB_SLAM_3,
-        "orb-slam stereo": camera_files.ORB_SLAM_STEREO,
         "colmap": camera_files.COLMAP,
         "kitti": camera_files.KITTI,
         "kitti raw": camera_files.KITTI_RAW,
@@ -233,12 +232,13 @@ def _cameras() -> dict[str, Target]:
         )
         for suffix in ("yml", "xml", "json")
     }
-    return found | opencv
+    stereo = file_of("camera", lambda p: p.write_text(camera_files.ORB_SLAM_STEREO))
+    return found | opencv | {"camera orb-slam stereo": Target(stereo, lambda p: use_camera(p, "LEFT"))}
 
 
-def use_camera(path: Path) -> None:
+def use_camera(path: Path, name: str | None = None) -> None:
     """Read a camera file and use it; maps of every hundredth, they are slow."""
-    lens = read_camera(path)
+    lens = read_camera(path, name)
     for shape in ((480, 752), (375, 1242)):
         with contextlib.suppress(DataError):
             lens.straighten(np.array([[367.0, 248.0], [0.0, 0.0], [1e3, -1e3]]), shape)
