@@ -152,6 +152,28 @@ def test_a_camera_for_half_or_twice_the_size_is_never_taken():
             right.pinhole((round(376 * scale), round(1241 * scale)))
 
 
+EUROC = BrownConrady((-0.283408, 0.073959, 0.000194, 1.8e-5))
+TUM = BrownConrady((0.2624, -0.9531, -0.0054, 0.0026, 1.1633))
+RAW_KITTI = BrownConrady((-0.3728, 0.2037, 0.0022, 0.0014, -0.0723))
+KINECT = BrownConrady((0.514, -2.697, 9e-4, -3e-4, 1.497, 0.391, -2.517, 1.425))
+T265 = KannalaBrandt((-0.00763, 0.0448, -0.0426, 0.00791))
+KNOWN = {
+    "EuRoC": Lens(458.65, 457.3, 367.2, 248.4, EUROC, (752, 480)),
+    "TUM": Lens(517.3, 516.5, 318.6, 255.3, TUM, (640, 480)),
+    "KITTI raw": Lens(984.2, 980.8, 690, 233.2, RAW_KITTI, (1392, 512)),
+    "a Kinect's": Lens(607.3, 607.2, 638, 367.1, KINECT, (1280, 720)),
+    "a T265's": Lens(286.4, 286.3, 417.2, 403.0, T265, (848, 800)),
+    "TUM VI": Lens(158.28, 158.27, 254.96, 256.88, DoubleSphere(-0.172, 0.593), (512, 512)),
+}
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_lenses_that_there_are_are_taken(name):
+    """Real ones, some of which turn back, beyond what their images show."""
+    lens = KNOWN[name]
+    assert lens.valid(lens.size[::-1]).mean() > 0.9
+
+
 def test_a_distortion_may_turn_back_beyond_what_the_pinhole_looks_at():
     """At 42 px of 57 to the corner, but the undistorted image ends before it comes so far."""
     lens = Lens(60, 60, 47.5, 31.5, BrownConrady((-0.3, 0.0, 0.0, 0.0)), (W, H))
