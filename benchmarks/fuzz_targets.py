@@ -28,7 +28,7 @@ from flowlik.datasets.base import read_grey
 from flowlik.datasets.camera_file import read_camera
 from flowlik.datasets.flow_files import read_flow
 from flowlik.datasets.mask_file import read_mask
-from flowlik.datasets.tartanair import encode_flow
+from flowlik.datasets.tartanair_files import encode_flow
 from flowlik.datasets.uncertainty_file import read_uncertainty, write_uncertainty
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
@@ -91,7 +91,7 @@ def _kitti(root: Path) -> Path:
 
 
 def _tartanair(root: Path) -> Path:
-    from flowlik.datasets.tartanair import encode_depth
+    from flowlik.datasets.tartanair_files import encode_depth
 
     for kind in ("image", "depth"):
         (root / f"{kind}_lcam_front").mkdir(parents=True)

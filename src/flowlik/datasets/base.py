@@ -23,6 +23,9 @@ MAX_PIXELS = 2**27
 
 MAX_FILE_BYTES = 2**30
 
+NO_TIMES = "frame number"
+"""What images without times give as ``times_source``."""
+
 _T = TypeVar("_T", bound=np.generic)
 
 
@@ -246,6 +249,17 @@ def motion_to_next(sequence: ImageSequence, k: int) -> RigidTransform:
         If there is no frame k.
     """
     return relative_motion(sequence.T_n_c(k), sequence.T_n_c(frame_index(sequence, k) + 1))
+
+
+def motion_over(sequence: ImageSequence, k: int, j: int) -> RigidTransform:
+    """Motion T_j_k: camera of frame k to camera of frame j.
+
+    Raises
+    ------
+    DataError
+        If there is no such frame.
+    """
+    return relative_motion(sequence.T_n_c(k), sequence.T_n_c(frame_index(sequence, j)))
 
 
 def true_flow(

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.datasets.base import frame_index
+from flowlik.datasets.base import NO_TIMES, frame_index
 from flowlik.datasets.frames import FrameFiles
 from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_lens
 from flowlik.datasets.layouts import IMAGE_SUFFIXES
@@ -41,7 +41,7 @@ class ImageFolder(GivenCamera, FrameFiles):
     Attributes
     ----------
     times_source : str
-        ``times.txt``, or such as ``frame/10s``.
+        ``times.txt``, or such as ``frame/10s``, or ``frame number``.
 
     Raises
     ------
@@ -68,7 +68,7 @@ class ImageFolder(GivenCamera, FrameFiles):
         self.frames_per_second = check_rate(1.0 if frames_per_second is None else frames_per_second)
         path = folder / "times.txt"
         self._times_s = _times(path, files, lenient) if path.is_file() else None
-        rate = f"frame/{self.frames_per_second:g}s"
+        rate = NO_TIMES if frames_per_second is None else f"frame/{self.frames_per_second:g}s"
         self.times_source = rate if self._times_s is None else "times.txt"
 
     def timestamp(self, k: int) -> float:

@@ -72,16 +72,34 @@ class Selection:
         return self.whole.depth(self._of(k))
 
     def flow(self, k: int) -> NDArray[np.float64]:
-        """Return the true flow (H, W, 2) [px] to the next frame, where that is the whole sequence's next.
+        """Return the true flow (H, W, 2) [px] to the next frame.
 
         Raises
         ------
         MissingFieldError
-            If frames between them were left out, or the sequence has no flow.
+            If the sequence has no flow, or none over frames that were left out: only depth and poses tell it.
         """
-        if k + 1 < len(self) and self._of(k + 1) != self._of(k) + 1:
-            raise lacks(self.name, f"true flow from frame {self._of(k)} to {self._of(k + 1)}")
-        return self.whole.flow(self._of(k))
+        return self._to_next("flow", "true flow", k)
+
+    def visible(self, k: int) -> NDArray[np.bool_]:
+        """Return which pixels (H, W) of frame k are seen again in the next frame.
+
+        Raises
+        ------
+        MissingFieldError
+            As `flow`.
+        """
+        return self._to_next("visible", "visibility", k)
+
+    def _to_next(self, field: str, what: str, k: int) -> Any:
+        """What the sequence tells of frame k and the next one that was chosen."""
+        here = self._of(k)
+        if k + 1 == len(self) or self._of(k + 1) == here + 1:
+            return getattr(self.whole, field)(here)
+        over = getattr(self.whole, f"{field}_to", None)
+        if over is None:
+            raise lacks(self.name, f"{what} from frame {here} to {self._of(k + 1)}")
+        return over(here, self._of(k + 1))
 
     def __getattr__(self, name: str) -> Any:
         """What else the sequence has: right images and GPS positions of these frames, a baseline."""
@@ -90,14 +108,18 @@ class Selection:
         value = getattr(self.whole, name)
         if name == "gps_positions":
             return value[self.frames]
-        return (lambda k: value(self._of(k))) if name in ("right_image", "visible", "mask") else value
+        return (lambda k: value(self._of(k))) if name in ("right_image", "mask") else value
 
     def _of(self, k: int) -> int:
         return int(self.frames[frame_index(self, k)])
 
 
 def select_frames(
-    sequence: ImageSequence, start: int = 0, count: int | None = None, skip_bad: bool = False
+    sequence: ImageSequence,
+    start: int = 0,
+    count: int | None = None,
+    skip_bad: bool = False,
+    stride: int = 1,
 ) -> tuple[Selection, list[Skipped]]:
     """Choose a range of frames, and leave out of it what cannot be used where that is asked for.
 
@@ -108,10 +130,12 @@ def select_frames(
     start : int
         First frame.
     count : int, optional
-        So many frames, or as many as there are.
+        Choose among so many frames, or as many as there are.
     skip_bad : bool
         Leave frames out that cannot be read, those that lack a pose where others have one, and those whose
         time does not advance. Every image is decoded once more for it.
+    stride : int
+        Only every so many-th frame.
 
     Returns
     -------
@@ -123,11 +147,13 @@ def select_frames(
     Raises
     ------
     DataError
-        If fewer than two frames are left.
+        If there is no such start or stride, or fewer than two frames are left.
     """
     if not 0 <= start < len(sequence):
         raise DataError(f"{sequence.name}: no frame {start} to start at, there are {len(sequence)} frames")
-    frames = range(start, len(sequence) if count is None else min(start + count, len(sequence)))
+    if stride < 1:
+        raise DataError(f"a stride must be at least 1 frame, not {stride}")
+    frames = range(start, len(sequence) if count is None else min(start + count, len(sequence)), stride)
     kept, skipped, last = [], [], -np.inf
     for k in frames:
         reason = _reason(sequence, k, last) if skip_bad else ""
@@ -147,7 +173,7 @@ def whole_pair(sequence: ImageSequence, k: int) -> tuple[ImageSequence, int]:
     if not isinstance(sequence, Selection):
         return sequence, k
     first, second = (int(f) for f in sequence.frames[k : k + 2])
-    return (sequence.whole, first) if second == first + 1 else (sequence, k)
+    return whole_pair(sequence.whole, first) if second == first + 1 else (sequence, k)
 
 
 def _reason(sequence: ImageSequence, k: int, last: float) -> str:

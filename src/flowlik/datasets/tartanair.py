@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TypeVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from flowlik.datasets.base import (
     Movers,
@@ -17,24 +16,25 @@ from flowlik.datasets.base import (
     frame_index,
     is_visible,
     lacks,
-    motion_to_next,
+    motion_over,
     mover_motions,
     read_grey,
     true_flow,
     visibility_next,
 )
-from flowlik.datasets.flow_png import TARTANAIR_UNKNOWN
-from flowlik.datasets.numbering import Numbered, numbered
-from flowlik.datasets.tartanair_layouts import LAYOUTS, read_depth_npy
+from flowlik.datasets.numbering import numbered
+from flowlik.datasets.tartanair_files import (
+    LAYOUTS,
+    decode_depth,
+    read_camera,
+    read_depth_npy,
+    read_frame_times,
+    read_movers,
+    read_poses,
+)
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
-from flowlik.geometry.pose_table import camera_poses, ned_poses, read_pose_table
-from flowlik.geometry.times import read_times
-from flowlik.support.files import printable, read_table
-
-FRAMES_PER_SECOND = 10.0
-
-MOVER_LAYOUT = "9 numbers (frame, object, x y z qx qy qz qw)"
+from flowlik.support.files import printable
 
 _T = TypeVar("_T", bound=np.generic)
 
@@ -81,10 +81,10 @@ class TartanAir:
         shape = f"NNNNNN{layout.ending}.png"
         frames = numbered(files, rf"([0-9]+){layout.ending}\.png", shape, lenient)
         self._images, self._numbers = frames.files, frames.numbers
-        self._camera, self.frames_per_second = _read_camera(self.folder / "camera.json", layout.camera)
-        self._poses = _read_poses(self.folder / layout.poses, frames)
-        self._movers = _read_movers(self.folder / "movers.txt", frames)
-        self._times_s = _read_times(self.folder / "times.txt", frames, lenient)
+        self._camera, self.frames_per_second = read_camera(self.folder / "camera.json", layout.camera)
+        self._poses = read_poses(self.folder / layout.poses, frames)
+        self._movers = read_movers(self.folder / "movers.txt", frames)
+        self._times_s = read_frame_times(self.folder / "times.txt", frames, lenient)
         rate = f"frame/{self.frames_per_second:g}s"
         self.times_source = rate if self._times_s is None else "times.txt"
 
@@ -164,7 +164,7 @@ class TartanAir:
             raise lacks(self.name, f"depth for frame {k} ({path.name})")
         if kind == ".npy":
             return _of_size(read_depth_npy(path), self.camera, path)
-        depth = _decode_depth(decode_image(path, cv2.IMREAD_UNCHANGED), path)
+        depth = decode_depth(decode_image(path, cv2.IMREAD_UNCHANGED), path)
         return _of_size(depth, self.camera, path)
 
     def flow(self, k: int) -> NDArray[np.float64]:
@@ -177,7 +177,19 @@ class TartanAir:
         DataError
             If there is no such frame or none after it, or a file is damaged.
         """
-        return true_flow(self.camera, self.depth(k), motion_to_next(self, k), self._moving(k))
+        return self.flow_to(k, k + 1)
+
+    def flow_to(self, k: int, j: int) -> NDArray[np.float64]:
+        """Return the true flow (H, W, 2) [px] from frame k to frame j.
+
+        Raises
+        ------
+        MissingFieldError
+            If there is no depth or no pose.
+        DataError
+            If there is no such frame, or a file is damaged.
+        """
+        return true_flow(self.camera, self.depth(k), motion_over(self, k, j), self._moving(k, j))
 
     def visibility(self, k: int) -> NDArray[np.uint8]:
         """Return what becomes of each pixel (H, W) in frame k + 1, a `flowlik.datasets.base.Visibility`.
@@ -191,110 +203,35 @@ class TartanAir:
         DataError
             If there is no such frame or none after it, or a file is damaged.
         """
-        motion, movers = motion_to_next(self, k), self._moving(k)
-        return visibility_next(self.camera, self.depth(k), self.depth(k + 1), motion, movers)
+        return self._visibility_in(k, k + 1)
 
     def visible(self, k: int) -> NDArray[np.bool_]:
         """Return which pixels (H, W) of frame k are seen in frame k + 1 too; needs the depth of both."""
         return is_visible(self.visibility(k))
 
-    def _moving(self, k: int) -> Movers | None:
-        """Objects that move from frame k to k + 1."""
+    def visible_to(self, k: int, j: int) -> NDArray[np.bool_]:
+        """Return which pixels (H, W) of frame k are seen in frame j too; needs the depth of both."""
+        return is_visible(self._visibility_in(k, j))
+
+    def _visibility_in(self, k: int, j: int) -> NDArray[np.uint8]:
+        motion, movers = motion_over(self, k, j), self._moving(k, j)
+        return visibility_next(self.camera, self.depth(k), self.depth(j), motion, movers)
+
+    def _moving(self, k: int, j: int) -> Movers | None:
+        """Objects that move from frame k to j."""
         if self._movers is None:
             return None
-        here, there = self._movers[k], self._movers[k + 1]
+        here, there = self._movers[k], self._movers[j]
         path = self._beside(k, "seg_lcam_front", f"{self._layout.ending}_seg.png")
         labels = _of_size(decode_image(path, cv2.IMREAD_UNCHANGED), self.camera, path).astype(np.int16) - 1
         if labels.max() >= len(here):
             raise DataError(f"{path}: shows object {labels.max()}, movers.txt has {len(here)}")
-        return Movers(labels, mover_motions(self.T_n_c(k), self.T_n_c(k + 1), here, there))
+        return Movers(labels, mover_motions(self.T_n_c(k), self.T_n_c(j), here, there))
 
     def _beside(self, k: int, folder: str, ending: str) -> Path:
         """File of frame k in another folder."""
         name = self._images[frame_index(self, k)].name
         return self.folder / folder / (name.removesuffix(f"{self._layout.ending}.png") + ending)
-
-
-def encode_depth(depth: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Depth (H, W) [m] as little-endian float32 as a four-channel image (H, W, 4) for OpenCV."""
-    return np.ascontiguousarray(depth, dtype="<f4").view(np.uint8).reshape(*depth.shape, 4)
-
-
-def _decode_depth(channels: NDArray[np.uint8], path: Path) -> NDArray[np.float64]:
-    """Depth (H, W) [m] of a four-channel image; the path is named in errors."""
-    if channels.dtype != np.uint8 or channels.ndim != 3 or channels.shape[2] != 4:
-        raise DataError(f"{path}: depth must be an 8-bit PNG of 4 channels, this one is {channels.shape}")
-    return np.ascontiguousarray(channels).view("<f4")[..., 0].astype(np.float64)
-
-
-def encode_flow(flow: NDArray[np.float64], visible: NDArray[np.bool_], camera: Pinhole) -> NDArray[np.uint16]:
-    """Three-channel image (H, W, 3), in OpenCV's order: u and v as 64 * flow + 32768, and a mask.
-
-    The mask is 0 where the pixel is seen again, 1 where occluded, 100 where its end lies outside the image,
-    200 where there is no flow or none that the format holds.
-    """
-    levels = np.rint(64 * np.nan_to_num(flow, nan=0.0, posinf=1e6, neginf=-1e6) + 32768)
-    held = np.isfinite(flow).all(axis=-1) & (np.abs(levels - 32768) < 32768).all(axis=-1)
-    inside = held & camera.contains(camera.pixel_grid().reshape(flow.shape) + flow)
-    mask = np.select([~held, visible, inside], [TARTANAIR_UNKNOWN, 0, 1], 100)
-    return np.dstack([np.clip(levels, 0, 65535), mask]).astype(np.uint16)
-
-
-def encode_poses(poses: RigidTransform) -> NDArray[np.float64]:
-    """Rows (N, 7) x y z qx qy qz qw in NED axes of poses T_n_c whose axes are x right, y down, z forward."""
-    ned = ned_poses(poses)
-    return np.column_stack([ned.translation, ned.rotation.as_quat()])
-
-
-def decode_poses(rows: NDArray[np.float64]) -> RigidTransform:
-    """Poses T_n_c, axes x right, y down, z forward, of rows (N, 7) x y z qx qy qz qw in NED axes."""
-    return camera_poses(RigidTransform.from_components(rows[:, :3], Rotation.from_quat(rows[:, 3:])))
-
-
-def _read_poses(path: Path, frames: Numbered) -> RigidTransform | None:
-    if not path.is_file():
-        return None
-    poses = read_pose_table(path, columns=(7,)).poses
-    return poses[frames.rows(len(poses), "poses", path)]
-
-
-def _read_movers(path: Path, frames: Numbered) -> list[RigidTransform] | None:
-    """Poses T_n_o (M,) of all moving objects in each frame, or None if there is no such file."""
-    if not path.is_file():
-        return None
-    rows, _ = read_table(path, 9, MOVER_LAYOUT)
-    most = int(max(rows[-1, 0], frames.numbers[-1])) + 1
-    count = len(rows) // most
-    wanted = [(k, m) for k in range(most if count else 0) for m in range(count)]
-    if not (wanted and np.array_equal(rows[:, :2], wanted)):
-        raise DataError(f"{path}: must hold every object of every one of {most} frames, in order")
-    if (np.abs(np.linalg.norm(rows[:, 5:], axis=1) - 1) > 0.5).any():
-        raise DataError(f"{path}: every row must hold a unit quaternion qx qy qz qw")
-    return [decode_poses(rows[k * count : (k + 1) * count, 2:]) for k in frames.numbers]
-
-
-def _read_times(path: Path, frames: Numbered, lenient: bool) -> NDArray[np.float64] | None:
-    """Times (N,) [s], or None if there is no such file."""
-    if not path.is_file():
-        return None
-    times_s = read_times(path, increasing=not lenient)
-    return times_s[frames.rows(len(times_s), "times", path)]
-
-
-def _read_camera(path: Path, own: Pinhole) -> tuple[Pinhole, float]:
-    """Camera and frame rate [1/s] from a camera.json, or TartanAir's own if there is none."""
-    if not path.is_file():
-        return own, FRAMES_PER_SECOND
-    try:
-        values = json.loads(path.read_text())
-        names = ("fx", "fy", "cx", "cy")
-        camera = Pinhole(
-            int(values["width"]), int(values["height"]), *(float(values[name]) for name in names)
-        )
-        return camera, float(values["frames_per_second"])
-    except (ValueError, TypeError, KeyError) as error:
-        needed = "width, height, fx, fy, cx, cy and frames_per_second"
-        raise DataError(f"{path}: must be a JSON object with {needed} ({error!r})") from error
 
 
 def _of_size(values: NDArray[_T], camera: Pinhole, path: Path) -> NDArray[_T]:
