@@ -5,9 +5,10 @@ import pytest
 from flowlik.datasets import open_sequence
 from flowlik.datasets.selection import Selection, select_frames, whole_pair
 from flowlik.errors import DataError, MissingFieldError
-from tests.datasets.fakes import save
+from tests.datasets.fakes import HEIGHT, WIDTH, save
 from tests.datasets.test_image_folder import make_folder
 from tests.datasets.test_kitti import make_sequence, write_poses
+from tests.datasets.test_numbering import make_tartanair
 
 
 @pytest.fixture
@@ -91,3 +92,38 @@ def test_a_sequence_of_which_nothing_is_left(folder):
             path.write_bytes(b"")
     with pytest.raises(DataError, match=r"1 of 8 frames can be used \(frame 0: .*0\.png: not a readable"):
         select_frames(open_sequence(folder, lenient=True), skip_bad=True)
+
+
+def test_a_stride_leaves_frames_between(folder):
+    whole = open_sequence(folder)
+    chosen, skipped = select_frames(whole, 1, 6, stride=2)
+    assert (chosen.frames.tolist(), skipped) == ([1, 3, 5], [])
+    assert chosen.T_n_c(1).translation == pytest.approx(whole.T_n_c(3).translation)
+    with pytest.raises(DataError, match="a stride must be at least 1 frame, not 0"):
+        select_frames(whole, stride=0)
+
+
+def test_flow_over_frames_left_out_is_that_of_depth_and_poses(tmp_path):
+    """The camera approaches a wall: 3 m in three frames, which no single pair tells."""
+    folder = make_tartanair(tmp_path)
+    whole = open_sequence(folder)
+    chosen = Selection(whole, [0, 3, 4])
+    away = whole.T_n_c(3).translation[2] - whole.T_n_c(0).translation[2]
+    from_centre = whole.camera.pixel_grid().reshape(HEIGHT, WIDTH, 2) - [19.5, 14.5]
+    np.testing.assert_allclose(chosen.flow(0), from_centre * (100 / (100 - away) - 1), atol=1e-6)
+    np.testing.assert_array_equal(chosen.flow(1), whole.flow(3))
+    assert chosen.visible(1).shape == chosen.visible(0).shape == (HEIGHT, WIDTH)
+    nested = Selection(chosen, [1, 2])
+    np.testing.assert_array_equal(nested.flow(0), whole.flow(3))
+    assert whole_pair(nested, 0) == (whole, 3)
+
+
+def test_what_moves_by_itself_has_no_flow_over_frames_left_out(tmp_path):
+    folder = make_tartanair(tmp_path)
+    (folder / "movers.txt").write_text("".join(f"{k} 0 9 {0.5 * k} 0 0 0 0 1\n" for k in range(8)))
+    for k in range(8):
+        save(folder / f"seg_lcam_front/{k:06d}_lcam_front_seg.png", np.ones((HEIGHT, WIDTH), np.uint8))
+    chosen = Selection(open_sequence(folder), [0, 3, 4])
+    chosen.flow(1)
+    with pytest.raises(MissingFieldError, match="no true flow from frame 0 to 3"):
+        chosen.flow(0)

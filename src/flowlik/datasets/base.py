@@ -251,17 +251,6 @@ def motion_to_next(sequence: ImageSequence, k: int) -> RigidTransform:
     return relative_motion(sequence.T_n_c(k), sequence.T_n_c(frame_index(sequence, k) + 1))
 
 
-def motion_over(sequence: ImageSequence, k: int, j: int) -> RigidTransform:
-    """Motion T_j_k: camera of frame k to camera of frame j.
-
-    Raises
-    ------
-    DataError
-        If there is no such frame.
-    """
-    return relative_motion(sequence.T_n_c(k), sequence.T_n_c(frame_index(sequence, j)))
-
-
 def true_flow(
     camera: Pinhole, depth: NDArray[np.float64], T_k1_k: RigidTransform, movers: Movers | None = None
 ) -> NDArray[np.float64]:

@@ -16,7 +16,7 @@ from flowlik.datasets.base import (
     frame_index,
     is_visible,
     lacks,
-    motion_over,
+    motion_to_next,
     of_size,
     read_grey,
     true_flow,
@@ -148,7 +148,8 @@ class DepthFrames(FrameFiles):
         MissingFieldError
             If there is no depth or no pose.
         """
-        return self.flow_to(k, k + 1)
+        motion = motion_to_next(self, k)
+        return true_flow(self.camera, self.depth(k), motion)
 
     def visible(self, k: int) -> NDArray[np.bool_]:
         """Return which pixels (H, W) of frame k the depth of frame k + 1 shows again.
@@ -158,28 +159,8 @@ class DepthFrames(FrameFiles):
         MissingFieldError
             If there is no depth or no pose.
         """
-        return self.visible_to(k, k + 1)
-
-    def flow_to(self, k: int, j: int) -> NDArray[np.float64]:
-        """Return the flow (H, W, 2) [px] from frame k to frame j.
-
-        Raises
-        ------
-        MissingFieldError
-            If there is no depth or no pose.
-        """
-        return true_flow(self.camera, self.depth(k), motion_over(self, k, j))
-
-    def visible_to(self, k: int, j: int) -> NDArray[np.bool_]:
-        """Return which pixels (H, W) of frame k the depth of frame j shows again.
-
-        Raises
-        ------
-        MissingFieldError
-            If there is no depth or no pose.
-        """
-        motion = motion_over(self, k, j)
-        return is_visible(visibility_next(self.camera, self.depth(k), self.depth(j), motion))
+        motion = motion_to_next(self, k)
+        return is_visible(visibility_next(self.camera, self.depth(k), self.depth(k + 1), motion))
 
 
 def first_readable(files: Seq[Path], lenient: bool = False) -> tuple[Path, tuple[int, ...]]:

@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from collections.abc import Sequence as Seq
 from contextlib import suppress
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.datasets.base import ImageSequence, frame_index, lacks
+from flowlik.datasets.base import (
+    ImageSequence,
+    frame_index,
+    is_visible,
+    lacks,
+    motion_to_next,
+    true_flow,
+    visibility_next,
+)
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.times import time_text
+from flowlik.support.arrays import Array
+
+_T = TypeVar("_T", bound=np.generic)
 
 
 class Skipped(NamedTuple):
@@ -79,7 +91,9 @@ class Selection:
         MissingFieldError
             If the sequence has no flow, or none over frames that were left out: only depth and poses tell it.
         """
-        return self._to_next("flow", "true flow", k)
+        if self._whole_pair(k):
+            return self.whole.flow(self._of(k))
+        return self._over(k, "true flow", lambda depth, motion: true_flow(self.camera, depth, motion))
 
     def visible(self, k: int) -> NDArray[np.bool_]:
         """Return which pixels (H, W) of frame k are seen again in the next frame.
@@ -89,17 +103,28 @@ class Selection:
         MissingFieldError
             As `flow`.
         """
-        return self._to_next("visible", "visibility", k)
+        if self._whole_pair(k):
+            whole: Any = self.whole
+            return whole.visible(self._of(k))
 
-    def _to_next(self, field: str, what: str, k: int) -> Any:
-        """What the sequence tells of frame k and the next one that was chosen."""
-        here = self._of(k)
-        if k + 1 == len(self) or self._of(k + 1) == here + 1:
-            return getattr(self.whole, field)(here)
-        over = getattr(self.whole, f"{field}_to", None)
-        if over is None:
-            raise lacks(self.name, f"{what} from frame {here} to {self._of(k + 1)}")
-        return over(here, self._of(k + 1))
+        def seen(depth: Array, motion: RigidTransform) -> NDArray[np.bool_]:
+            return is_visible(visibility_next(self.camera, depth, self.depth(k + 1), motion))
+
+        return self._over(k, "visibility", seen)
+
+    def _whole_pair(self, k: int) -> bool:
+        """Whether the next frame is the whole sequence's next, or there is none."""
+        return frame_index(self, k) + 1 == len(self) or self._of(k + 1) == self._of(k) + 1
+
+    def _over(self, k: int, what: str, made: Callable[[Array, RigidTransform], NDArray[_T]]) -> NDArray[_T]:
+        """What depth and poses tell over frames that were left out, if nothing else moves."""
+        missing = f"{what} from frame {self._of(k)} to {self._of(k + 1)}"
+        if getattr(self.whole, "has_movers", False):
+            raise lacks(self.name, missing)
+        try:
+            return made(self.depth(k), motion_to_next(self, k))
+        except MissingFieldError as error:
+            raise lacks(self.name, missing) from error
 
     def __getattr__(self, name: str) -> Any:
         """What else the sequence has: right images and GPS positions of these frames, a baseline."""

@@ -16,7 +16,7 @@ from flowlik.datasets.base import (
     frame_index,
     is_visible,
     lacks,
-    motion_over,
+    motion_to_next,
     mover_motions,
     read_grey,
     true_flow,
@@ -177,19 +177,12 @@ class TartanAir:
         DataError
             If there is no such frame or none after it, or a file is damaged.
         """
-        return self.flow_to(k, k + 1)
+        return true_flow(self.camera, self.depth(k), motion_to_next(self, k), self._moving(k))
 
-    def flow_to(self, k: int, j: int) -> NDArray[np.float64]:
-        """Return the true flow (H, W, 2) [px] from frame k to frame j.
-
-        Raises
-        ------
-        MissingFieldError
-            If there is no depth or no pose.
-        DataError
-            If there is no such frame, or a file is damaged.
-        """
-        return true_flow(self.camera, self.depth(k), motion_over(self, k, j), self._moving(k, j))
+    @property
+    def has_movers(self) -> bool:
+        """Whether something moves besides the camera, so that depth and poses do not tell all flow."""
+        return self._movers is not None
 
     def visibility(self, k: int) -> NDArray[np.uint8]:
         """Return what becomes of each pixel (H, W) in frame k + 1, a `flowlik.datasets.base.Visibility`.
@@ -203,30 +196,23 @@ class TartanAir:
         DataError
             If there is no such frame or none after it, or a file is damaged.
         """
-        return self._visibility_in(k, k + 1)
+        motion, movers = motion_to_next(self, k), self._moving(k)
+        return visibility_next(self.camera, self.depth(k), self.depth(k + 1), motion, movers)
 
     def visible(self, k: int) -> NDArray[np.bool_]:
         """Return which pixels (H, W) of frame k are seen in frame k + 1 too; needs the depth of both."""
         return is_visible(self.visibility(k))
 
-    def visible_to(self, k: int, j: int) -> NDArray[np.bool_]:
-        """Return which pixels (H, W) of frame k are seen in frame j too; needs the depth of both."""
-        return is_visible(self._visibility_in(k, j))
-
-    def _visibility_in(self, k: int, j: int) -> NDArray[np.uint8]:
-        motion, movers = motion_over(self, k, j), self._moving(k, j)
-        return visibility_next(self.camera, self.depth(k), self.depth(j), motion, movers)
-
-    def _moving(self, k: int, j: int) -> Movers | None:
-        """Objects that move from frame k to j."""
+    def _moving(self, k: int) -> Movers | None:
+        """Objects that move from frame k to k + 1."""
         if self._movers is None:
             return None
-        here, there = self._movers[k], self._movers[j]
+        here, there = self._movers[k], self._movers[k + 1]
         path = self._beside(k, "seg_lcam_front", f"{self._layout.ending}_seg.png")
         labels = _of_size(decode_image(path, cv2.IMREAD_UNCHANGED), self.camera, path).astype(np.int16) - 1
         if labels.max() >= len(here):
             raise DataError(f"{path}: shows object {labels.max()}, movers.txt has {len(here)}")
-        return Movers(labels, mover_motions(self.T_n_c(k), self.T_n_c(j), here, there))
+        return Movers(labels, mover_motions(self.T_n_c(k), self.T_n_c(k + 1), here, there))
 
     def _beside(self, k: int, folder: str, ending: str) -> Path:
         """File of frame k in another folder."""
