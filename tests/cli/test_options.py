@@ -2,6 +2,7 @@
 
 import builtins
 import json
+import shutil
 from contextlib import nullcontext
 from dataclasses import fields
 from inspect import signature
@@ -21,11 +22,11 @@ OTHER = {
         "model": "lucas-kanade", "method": "lucas-kanade", "flow_png": "dsec",
         "estimator": "mle", "residual": "epipolar",
         "scale": "truth-norm", "height_m": 1.5, "self_calibrate": True, "boresight": "causal", "gate": 0.5,
-        "frames": 4, "start": 1, "skip_bad_frames": True, "format": "tartanair", "camera": "50,48,32",
+        "truth": "truth.txt", "frames": 7, "start": 1, "stride": 2, "parallax": 0.001,
+        "skip_bad_frames": True, "format": "tartanair", "camera": "50,48,32",
         "mask": "hood.png", "resize": "0.5",
-        "frames_per_second": 20.0, "topic": "/camera/image_raw", "bag": True, "bag_unscaled": True,
-        "view": True, "record": True,
-        "seed": 7,
+        "frames_per_second": 20.0, "topic": "/camera/image_raw", "depth_topic": "/camera/depth",
+        "bag": True, "bag_unscaled": True, "view": True, "record": True, "seed": 7,
     },
     "calibrate": {
         "family": "lcm", "schedule": "texture", "flow_png": "dsec", "format": "tartanair",
@@ -38,7 +39,7 @@ OTHER = {
 }  # fmt: skip
 """A value of every option that is not its default. Who adds an option adds it here."""
 
-FLAGS = {"height_m": "--height"}
+FLAGS = {"height_m": "--height", "frames_per_second": "--fps"}
 
 
 def words_of(options):
@@ -79,6 +80,8 @@ def told(flight, tmp_path_factory):
             return _NoViewer()
 
         with pytest.MonkeyPatch.context() as patch:
+            patch.chdir(tmp_path_factory.mktemp("here"))
+            shutil.copy(flight / "pose_lcam_front.txt", "truth.txt")
             patch.setattr(f"flowlik.commands._{command}.open_sequence", opened)
             patch.setattr(f"flowlik.commands._{command}.masked", changed("mask"))
             patch.setattr(f"flowlik.commands._{command}.resized", changed("resize"))

@@ -10,6 +10,7 @@ import typer
 from flowlik.cli import _complete as complete
 from flowlik.cli._options import (
     Camera,
+    DepthTopic,
     FlowPng,
     Format,
     FrameRate,
@@ -63,8 +64,17 @@ def run(
         str, typer.Option(help="none, or causal: turn motions into the frame of the true poses.")
     ] = OdometryOptions.boresight,
     gate: Annotated[float | None, typer.Option(help="Texture gate [intensity²/px²].")] = None,
-    frames: Annotated[int | None, typer.Option(min=2, help="Only the first so many frames.")] = None,
+    truth: Annotated[
+        Path | None,
+        typer.Option(help="File of true poses (TUM, KITTI, EuRoC's csv), instead of the data's own."),
+    ] = None,
+    frames: Annotated[int | None, typer.Option(min=2, help="Only so many frames from the first.")] = None,
     start: Annotated[int, typer.Option(min=0, help="First frame.")] = 0,
+    stride: Annotated[int, typer.Option(min=1, help="Only every so many-th frame.")] = OdometryOptions.stride,
+    parallax: Annotated[
+        float | None,
+        typer.Option(help="Leave frames out until the median flow since the last one exceeds this [px]."),
+    ] = None,
     skip_bad_frames: Annotated[
         bool, typer.Option("--skip-bad-frames", help="Go on over frames missing or unreadable; report them.")
     ] = False,
@@ -74,6 +84,7 @@ def run(
     resize: Resize = None,
     frames_per_second: FrameRate = None,
     topic: Topic = None,
+    depth_topic: DepthTopic = None,
     bag: Annotated[
         bool, typer.Option("--bag", help="Also write nav_msgs/Odometry as a ROS 2 bag (extra `ros`).")
     ] = False,
@@ -112,8 +123,11 @@ def run(
         self_calibrate=self_calibrate,
         boresight=boresight,
         gate=gate,
+        truth=truth,
         frames=frames,
         start=start,
+        stride=stride,
+        parallax=parallax,
         skip_bad_frames=skip_bad_frames,
         format=format,
         camera=camera,
@@ -121,6 +135,7 @@ def run(
         resize=resize,
         frames_per_second=frames_per_second,
         topic=topic,
+        depth_topic=depth_topic,
         bag=bag,
         bag_unscaled=bag_unscaled,
         view=view,

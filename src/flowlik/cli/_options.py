@@ -84,8 +84,15 @@ Resize = Annotated[
 Topic = Annotated[
     str | None, typer.Option("--topic", help="Topic of the images of a ROS bag; needed where it has several.")
 ]
+DepthTopic = Annotated[
+    str | None,
+    typer.Option("--depth-topic", help="Topic of depth images of a ROS bag, registered to the images."),
+]
 FrameRate = Annotated[
-    float | None, typer.Option("--frames-per-second", help="Frame rate [Hz], for images without times.")
+    float | None,
+    typer.Option(
+        "--fps", help="Frame rate [Hz] of images without times; of a video, instead of its own times."
+    ),
 ]
 View = Annotated[bool, typer.Option("--view", help="Show it live in the rerun viewer (extra `viz`).")]
 Recording = Annotated[

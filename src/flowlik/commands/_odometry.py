@@ -15,7 +15,8 @@ from flowlik.commands._odometry_results import Flown, report_odometry
 from flowlik.commands.options import OdometryOptions
 from flowlik.datasets import masked, open_sequence, resized
 from flowlik.datasets.base import ImageSequence
-from flowlik.datasets.selection import Selection, select_frames
+from flowlik.datasets.selection import Selection, Skipped, select_frames
+from flowlik.datasets.truth import with_truth
 from flowlik.egomotion import EgoMotion, Estimator, lcmsac, mle, ransac
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.evaluation.motion.data_check import agreement
@@ -24,6 +25,7 @@ from flowlik.flow import coded, confirmed_method, describe, flow_method
 from flowlik.flow.base import FlowMethod
 from flowlik.geometry.trajectory import Trajectory, write_kitti, write_tum
 from flowlik.likelihood.model_file import load_likelihood
+from flowlik.odometry.keyframes import moving_frames
 from flowlik.odometry.loop import ResidualKind, run_odometry
 from flowlik.odometry.odometry import Odometry
 from flowlik.odometry.ros_odometry import write_odometry_bag
@@ -81,12 +83,7 @@ def odometry(
         extra("rosbags", "--bag")
     elif options.bag_unscaled:
         raise DataError("--bag-unscaled says what --bag writes: give both")
-    lenient = options.skip_bad_frames
-    opened = open_sequence(
-        data, options.format, options.camera, options.frames_per_second, lenient, options.topic
-    )
-    whole = resized(masked(opened, options.mask), options.resize)
-    sequence, skipped = select_frames(whole, options.start, options.frames, lenient)
+    sequence, skipped = _opened(data, options, flow, progress)
     kind = _residual_kind(sequence, options.residual)
     options = replace(options, residual=kind)
     source = scale_source(options.scale, sequence, options.height_m)
@@ -114,6 +111,27 @@ def odometry(
     return run
 
 
+def _opened(
+    data: Path, options: OdometryOptions, flow: FlowMethod, progress: Progress
+) -> tuple[Selection, list[Skipped]]:
+    """Frames that the options choose of a data set, and those that cannot be used."""
+    lenient = options.skip_bad_frames
+    opened = open_sequence(
+        data, options.format, options.camera, options.frames_per_second, lenient, options.topic,
+        options.depth_topic,
+    )  # fmt: skip
+    whole = resized(masked(opened, options.mask), options.resize)
+    if options.truth is not None:
+        whole = with_truth(whole, options.truth, lenient)
+    sequence, skipped = select_frames(whole, options.start, options.frames, lenient, options.stride)
+    if options.parallax is not None:
+        what = f"parallax of {sequence.name}, images"
+        sequence = moving_frames(
+            sequence, flow, options.parallax, lambda frames: progress(frames, what, len(sequence) - 1)
+        )
+    return sequence, skipped
+
+
 def _flown(
     sequence: Selection, robot: Odometry, truth: Trajectory | None, motions: Iterable[EgoMotion]
 ) -> Flown:
@@ -134,7 +152,7 @@ def _flown(
 
 
 def _write_files(folder: Path, flown: Flown, options: OdometryOptions) -> None:
-    estimated, frames = flown.estimated, flown.sequence.frames
+    estimated, frames = flown.estimated, flown.sequence.numbers
     write_kitti(folder / "trajectory_kitti.txt", estimated)
     write_tum(folder / "trajectory_tum.txt", estimated)
     write_covariance(folder, estimated, flown.motions)

@@ -22,6 +22,7 @@ from flowlik.odometry.odometry import Odometry
 from flowlik.odometry.ros_odometry import bag_notes
 from flowlik.results.records import Record, protocol, select
 from flowlik.results.runs import RunFolder
+from flowlik.support.files import printable
 
 
 @dataclass(frozen=True)
@@ -67,13 +68,14 @@ def report_odometry(run: RunFolder, flown: Flown, options: OdometryOptions, skip
     name, scale = flown.sequence.name, "depth" if options.residual == "depth" else options.scale
     run.records = _records(flown, options, scale)
     _save_figures(run, flown, metric=scale != "none")
+    frames = flown.sequence.numbers[1:].astype(np.float64)
     (outside,) = select(run.records, metric="outside_fraction")
     if options.skip_bad_frames:
         count = float(len(skipped))
         run.records.append(
             replace(run.records[0], metric="skipped_frames", value=count, unit="", count=None, protocol="")
         )
-    if message := disagreement_warning(name, flown.sequence.frames[1:], flown.agreements):
+    if message := disagreement_warning(name, frames, flown.agreements):
         run.warn(message)
     for bad in skipped:
         run.warn(f"{name}: frame {bad.frame} skipped: {bad.reason}")
@@ -100,6 +102,8 @@ def _records(flown: Flown, options: OdometryOptions, scale: str) -> list[Record]
         "self_calibrate": options.self_calibrate, "gate": "none" if options.gate is None else options.gate,
         "features": features_of(flown.robot.method),
         "timestamps": getattr(flown.sequence, "times_source", None), **options.images,
+        "true_poses": None if options.truth is None else printable(options.truth.name),
+        "stride": None if options.stride == 1 else options.stride, "parallax_px": options.parallax,
     }  # fmt: skip
     base = Record(
         "frames_per_second", len(motions) / flown.seconds, "1/s", flown.sequence.name, flown.flow,

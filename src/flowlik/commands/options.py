@@ -151,17 +151,24 @@ class OdometryOptions(Data):
         Whether motions are turned into the frame of the true poses, by what past frames say.
     gate : float, optional
         Texture gate [intensity^2/px^2].
+    truth : Path, optional
+        File of true poses (TUM, KITTI, EuRoC's csv, TartanAir's), instead of the data set's own; images that
+        it does not know are left out.
     frames : int, optional
-        Only the first so many frames.
+        Only so many frames from the first.
     start : int
         First frame; what comes before is not looked at.
+    stride : int
+        Only every so many-th of these.
+    parallax : float, optional
+        Leave frames out until the median flow since the last one used exceeds so many pixels.
     skip_bad_frames : bool
         Go on over frames that are missing or unreadable, or whose time does not advance; the report tells
         which.
     frames_per_second : float, optional
         Frame rate [Hz], for images without times.
-    topic : str, optional
-        Topic of the images of a ROS bag.
+    topic, depth_topic : str, optional
+        Topics of the images and of the depth of a ROS bag.
     bag : bool
         Also write the trajectory as a ROS 2 bag, ``odometry_bag``.
     bag_unscaled : bool
@@ -182,11 +189,15 @@ class OdometryOptions(Data):
     self_calibrate: bool = False
     boresight: str = "none"
     gate: float | None = None
+    truth: Path | None = None
     frames: int | None = None
     start: int = 0
+    stride: int = 1
+    parallax: float | None = None
     skip_bad_frames: bool = False
     frames_per_second: float | None = None
     topic: str | None = None
+    depth_topic: str | None = None
     bag: bool = False
     bag_unscaled: bool = False
     view: bool = False

@@ -63,6 +63,11 @@ class Selection:
         """The camera of every frame."""
         return self.whole.camera
 
+    @property
+    def numbers(self) -> NDArray[np.int64]:
+        """Frame numbers (N,) in the sequence that nothing was chosen from before."""
+        return self.whole.numbers[self.frames] if isinstance(self.whole, Selection) else self.frames
+
     def __len__(self) -> int:
         """Return the number of frames chosen."""
         return len(self.frames)
@@ -155,7 +160,7 @@ def select_frames(
     start : int
         First frame.
     count : int, optional
-        Choose among so many frames, or as many as there are.
+        Choose among so many frames from there, or as many as there are.
     skip_bad : bool
         Leave frames out that cannot be read, those that lack a pose where others have one, and those whose
         time does not advance. Every image is decoded once more for it.
@@ -179,11 +184,12 @@ def select_frames(
     if stride < 1:
         raise DataError(f"a stride must be at least 1 frame, not {stride}")
     frames = range(start, len(sequence) if count is None else min(start + count, len(sequence)), stride)
+    numbers = sequence.numbers if isinstance(sequence, Selection) else np.arange(len(sequence))
     kept, skipped, last = [], [], -np.inf
     for k in frames:
         reason = _reason(sequence, k, last) if skip_bad else ""
         if reason:
-            skipped.append(Skipped(k, reason))
+            skipped.append(Skipped(int(numbers[k]), reason))
             continue
         last = sequence.timestamp(k) if skip_bad else last
         kept.append(k)
