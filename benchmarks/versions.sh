@@ -1,53 +1,66 @@
 #!/usr/bin/env bash
-# Tries flowlik with the oldest and the newest supported NumPy, SciPy and OpenCV: an install without extras runs
-# every core command, and the whole test suite passes (tests of extras and of data that are not there skip themselves).
+# Tries flowlik with the oldest and the newest supported dependencies: an install without extras runs every core
+# command, and the test suite passes (tests of extras and of data that are not there skip themselves). The oldest are
+# the lower bounds of pyproject.toml. Arguments for pytest choose among the tests; all of them by default.
 #
-#     benchmarks/versions.sh [PYTHON [oldest|newest]]
+#     benchmarks/versions.sh [PYTHON [oldest|newest|both [PYTEST_ARGUMENT...]]]
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 python=${1:-python3.11}
-which=${2:-oldest newest}
+which=${2:-both}
+tests=("${@:3}")
+
+if [ "$which" = both ]; then  # in shells of their own: `set -e` does not hold inside of a condition
+    failed=0
+    for which in oldest newest; do
+        bash benchmarks/versions.sh "$python" "$which" ${tests[@]+"${tests[@]}"} || failed=1
+    done
+    exit "$failed"
+fi
+
+lower_bounds() {
+    "$python" - << 'PYTHON'
+import re
+import tomllib
+from pathlib import Path
+
+for needed in tomllib.loads(Path("pyproject.toml").read_text())["project"]["dependencies"]:
+    name, version = re.match(r"([\w-]+)>=([\d.]+)", needed).groups()
+    print(f"{name}=={version if '.' in version else version + '.0'}.*")
+PYTHON
+}
+
+case $which in
+    oldest) packages=$(lower_bounds) ;;
+    newest) packages="numpy>=2 scipy>=1.17 opencv-python-headless>=5,<6" ;;
+    *) echo "versions.sh: oldest, newest or both, not $which" >&2; exit 2 ;;
+esac
+read -r -d '' -a packages <<< "$packages" || true
+
 tmp=$(mktemp -d)
 trap 'rm -rf "$tmp"' EXIT
+bin=$tmp/venv/bin
+export NUMBA_CACHE_DIR=$tmp/numba PIP_DISABLE_PIP_VERSION_CHECK=1
 
-commands() {
-    local flowlik=$1 out=$2
-    "$flowlik" --version
-    "$flowlik" doctor
-    "$flowlik" models > /dev/null
-    "$flowlik" simulate planes --frames 4 --width 128 --height 96 --out "$out/flight"
-    local images=$out/flight/image_lcam_front
-    "$flowlik" flow "$images/000000_lcam_front.png" "$images/000001_lcam_front.png" --model dis --out "$out/flow"
-    "$flowlik" odometry "$out/flight" --model lucas-kanade --out "$out/walk"
-    "$flowlik" calibrate "$out/flight" --method lucas-kanade --schedule texture --out "$out/calibration"
-    "$flowlik" evaluate lucas-kanade "$out/flight" --out "$out/evaluation"
-    "$flowlik" drift "$out/walk/trajectory_kitti.txt" "$out/walk/trajectory_kitti.txt" > /dev/null
-    "$flowlik" report "$out/walk"
-}
+echo "== $which: ${packages[*]}"
+"$python" -m venv "$tmp/venv"
+"$bin/pip" install --quiet . "${packages[@]}"
+"$bin/pip" list
 
-tried() {
-    local name=$1
-    shift
-    echo "== $name: $*"
-    "$python" -m venv "$tmp/$name"
-    "$tmp/$name/bin/pip" install --quiet --disable-pip-version-check . "$@"
-    NUMBA_CACHE_DIR=$tmp/$name/numba commands "$tmp/$name/bin/flowlik" "$tmp/$name/out"
-    "$tmp/$name/bin/pip" install --quiet --disable-pip-version-check pytest hypothesis "$@"
-    mkdir "$tmp/$name/checkout"
-    cp -r tests docs benchmarks examples mkdocs.yml pyproject.toml README.md CHANGELOG.md CITATION.cff "$tmp/$name/checkout"
-    local failed=0
-    (cd "$tmp/$name/checkout" && NUMBA_CACHE_DIR=$tmp/$name/numba ../bin/python -m pytest -p no:cacheprovider) || failed=$?
-    du -shc "$tmp/$name/lib" | tail -1
-    return "$failed"
-}
+"$bin/flowlik" --version
+"$bin/flowlik" doctor
+"$bin/flowlik" models > /dev/null
+"$bin/flowlik" simulate planes --frames 4 --width 128 --height 96 --out "$tmp/flight"
+images=$tmp/flight/image_lcam_front
+"$bin/flowlik" flow "$images/000000_lcam_front.png" "$images/000001_lcam_front.png" --model dis --out "$tmp/flow"
+"$bin/flowlik" odometry "$tmp/flight" --model lucas-kanade --out "$tmp/walk"
+"$bin/flowlik" calibrate "$tmp/flight" --method lucas-kanade --schedule texture --out "$tmp/calibration"
+"$bin/flowlik" evaluate lucas-kanade "$tmp/flight" --out "$tmp/evaluation"
+"$bin/flowlik" drift "$tmp/walk/trajectory_kitti.txt" "$tmp/walk/trajectory_kitti.txt" > /dev/null
+"$bin/flowlik" report "$tmp/walk"
 
-failed=0
-for name in $which; do
-    case $name in
-        oldest) packages=('numpy==1.26.*' 'scipy==1.17.*' 'opencv-python-headless==4.10.*' 'numba==0.61.*') ;;
-        newest) packages=('numpy>=2' 'scipy>=1.17' 'opencv-python-headless>=5,<6') ;;
-        *) echo "versions.sh: oldest or newest, not $name" >&2; exit 2 ;;
-    esac
-    tried "$name" "${packages[@]}" || failed=1
-done
-exit "$failed"
+"$bin/pip" install --quiet pytest hypothesis "${packages[@]}"
+mkdir "$tmp/checkout"
+cp -r tests docs benchmarks examples mkdocs.yml pyproject.toml README.md CHANGELOG.md CITATION.cff "$tmp/checkout"
+cd "$tmp/checkout"
+"$bin/python" -m pytest -p no:cacheprovider ${tests[@]+"${tests[@]}"}
