@@ -94,7 +94,7 @@ def test_every_room_is_described_in_its_place():
 def test_every_page_is_in_the_contents():
     contents = (ROOT / "mkdocs.yml").read_text()
     for page in PAGES[1:]:
-        assert f" {page.name}\n" in contents
+        assert f" {page.relative_to(ROOT / 'docs').as_posix()}\n" in contents
 
 
 def test_where_not_to_trust_it_is_shown(capsys):
