@@ -143,7 +143,8 @@ class Estimator:
         self, problem: Problem, view: View, moments: Moments, status: Status, reason: str,
         log_prob: float, drawn: int,
     ) -> EgoMotion:  # fmt: skip
-        T, basis, x = view.errors.T, view.errors.basis, view.errors.x
+        basis, x = view.errors.basis, view.errors.x
+        T = problem.residual.retract(view.errors.T, np.zeros(6))
         determined = determines(moments.information, basis)
         return EgoMotion(
             T_k_prev=transform(T),
