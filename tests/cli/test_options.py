@@ -30,11 +30,13 @@ OTHER = {
     },
     "calibrate": {
         "family": "lcm", "schedule": "texture", "flow_png": "dsec", "format": "tartanair",
-        "camera": "50,48,32", "mask": "hood.png", "resize": "0.5", "seed": 7, **EXECUTION,
+        "camera": "50,48,32", "skip_bad_frames": True, "mask": "hood.png", "resize": "0.5", "seed": 7,
+        **EXECUTION,
     },
     "evaluate": {
         "method": "lucas-kanade", "flow_png": "dsec", "format": "tartanair",
-        "camera": "50,48,32", "mask": "hood.png", "resize": "0.5", "seed": 7, **EXECUTION,
+        "camera": "50,48,32", "skip_bad_frames": True, "mask": "hood.png", "resize": "0.5", "seed": 7,
+        **EXECUTION,
     },
 }  # fmt: skip
 """A value of every option that is not its default. Who adds an option adds it here."""
@@ -82,9 +84,10 @@ def told(flight, tmp_path_factory):
         with pytest.MonkeyPatch.context() as patch:
             patch.chdir(tmp_path_factory.mktemp("here"))
             shutil.copy(flight / "pose_lcam_front.txt", "truth.txt")
-            patch.setattr(f"flowlik.commands._{command}.open_sequence", opened)
-            patch.setattr(f"flowlik.commands._{command}.masked", changed("mask"))
-            patch.setattr(f"flowlik.commands._{command}.resized", changed("resize"))
+            reader = f"flowlik.commands._{'odometry' if command == 'odometry' else 'reading'}"
+            patch.setattr(f"{reader}.open_sequence", opened)
+            patch.setattr(f"{reader}.masked", changed("mask"))
+            patch.setattr(f"{reader}.resized", changed("resize"))
             for module in ("sketching", "calibrate"):
                 patch.setattr(f"flowlik.commands._{module}.executor", mapped)
             patch.setattr("flowlik.commands._odometry.viewer", shown)

@@ -6,9 +6,11 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from flowlik.datasets import open_sequence
+from flowlik.datasets.base import notes_of
 from flowlik.datasets.euroc import Euroc
 from flowlik.datasets.euroc_files import read_T_b_c
 from flowlik.datasets.lens_models import KannalaBrandt
+from flowlik.datasets.selection import select_frames
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.geometry.camera import Pinhole
 
@@ -209,3 +211,28 @@ def test_damaged_sensor_files_end_in_one_error_at_worst(tmp_path, changes):
         assert read_T_b_c(tmp_path / "sensor.yaml").as_matrix().shape == (4, 4)
     except DataError as error:
         assert "sensor.yaml" in str(error)
+
+
+def test_tables_with_a_gap_a_double_or_a_swapped_row(tmp_path):
+    folder = make_euroc(tmp_path)
+    expected = open_sequence(folder)
+    images = [expected.image(k) for k in range(len(expected))]
+    assert any("2 of 5 images have no pose within 0.003 s, left out" in note for note in notes_of(expected))
+    for name in ("cam0", "state_groundtruth_estimate0"):
+        table = folder / "mav0" / name / "data.csv"
+        rows = table.read_text().splitlines()
+        table.write_text("\n".join([rows[0], rows[2], rows[1], *rows[3:], rows[-1]]) + "\n")
+        with pytest.raises(DataError, match=r"data\.csv: times must increase, but number 0 is 14036365"):
+            open_sequence(folder)
+        sequence = open_sequence(folder, lenient=True)
+        assert len(sequence) == len(expected)
+        for k in range(len(expected)):
+            np.testing.assert_array_equal(sequence.image(k), images[k])
+            assert sequence.timestamp(k) == expected.timestamp(k)
+            np.testing.assert_array_equal(sequence.T_n_c(k).as_matrix(), expected.T_n_c(k).as_matrix())
+        assert any("1 rows left out, whose time another row has" in note for note in notes_of(sequence))
+        table.write_text("\n".join(rows) + "\n")
+    (folder / f"mav0/cam0/data/{START_NS + 2 * 50_000_000}.png").unlink()
+    chosen, skipped = select_frames(open_sequence(folder, lenient=True), skip_bad=True)
+    assert ([bad.frame for bad in skipped], len(chosen)) == ([1], 2)
+    np.testing.assert_array_equal(chosen.T_n_c(1).as_matrix(), expected.T_n_c(2).as_matrix())

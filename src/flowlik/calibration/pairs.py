@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flowlik.datasets.base import ImageSequence
+from flowlik.datasets.selection import whole_pair
 from flowlik.flow.base import DenseFlow, FlowMethod, Image, method_for_pair
 from flowlik.flow.lucas_kanade import detect_corners
 from flowlik.image.sampling import sample_flow
@@ -71,7 +72,7 @@ def pair_errors(
     signals : iterable of str
         Signals to measure besides.
     """
-    method = method_for_pair(method, sequence, k)
+    method = method_for_pair(method, *whole_pair(sequence, k))
     m = measure(sequence.image(k), sequence.image(k + 1), method, texture, pixels, signals)
     truth = sample_flow(sequence.flow(k), m.pixels)
     known = np.asarray(np.isfinite(truth).all(axis=1))

@@ -22,6 +22,7 @@ from flowlik.cli._options import (
     Recording,
     Resize,
     Seed,
+    SkipBadFrames,
     Topic,
     View,
     command_line,
@@ -75,9 +76,7 @@ def run(
         float | None,
         typer.Option(help="Leave frames out until the median flow since the last one exceeds this [px]."),
     ] = None,
-    skip_bad_frames: Annotated[
-        bool, typer.Option("--skip-bad-frames", help="Go on over frames missing or unreadable; report them.")
-    ] = False,
+    skip_bad_frames: SkipBadFrames = False,
     format: Format = None,
     camera: Camera = None,
     mask: Mask = None,

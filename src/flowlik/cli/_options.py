@@ -98,6 +98,9 @@ View = Annotated[bool, typer.Option("--view", help="Show it live in the rerun vi
 Recording = Annotated[
     bool, typer.Option("--record", help="Record it for the rerun viewer, as view.rrd (extra `viz`).")
 ]
+SkipBadFrames = Annotated[
+    bool, typer.Option("--skip-bad-frames", help="Go on over frames missing or unreadable; report them.")
+]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the metrics as JSON on standard output.")]
 

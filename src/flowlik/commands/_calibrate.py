@@ -26,9 +26,9 @@ from flowlik.calibration import (
     spread_pairs,
     with_shared_errors,
 )
+from flowlik.commands._reading import read_data
 from flowlik.commands._sketching import sketch_for_run
 from flowlik.commands.options import CalibrateOptions
-from flowlik.datasets import masked, open_sequence, resized
 from flowlik.evaluation.likelihood import (
     Counting,
     bias_records,
@@ -100,8 +100,7 @@ def calibrate(
     check_schedule(schedule)
     config = {"data": [str(folder) for folder in data], "method": method, **options.asdict()}
     run = RunFolder(out, command, config, seed)
-    whole = [open_sequence(folder, options.format, options.camera) for folder in data]
-    sequences = [resized(masked(sequence, options.mask), options.resize) for sequence in whole]
+    sequences = [read_data(folder, options, run) for folder in data]
     # signals cost more flow, and flow on disk may have none
     keep = index_form(flow).covariates if schedule == "index" else ()
     task = Task(flow, (Index(), FLOW_INDEX), keep)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from flowlik.calibration import Task, gather, split_blocks
 from flowlik.commands._calibrate import add_evidence
+from flowlik.commands._reading import read_data
 from flowlik.commands._sketching import sketch_for_run
 from flowlik.commands.options import EvaluateOptions
-from flowlik.datasets import masked, open_sequence, resized
 from flowlik.errors import DataError
 from flowlik.evaluation.likelihood import Counting, kept_for_eigenbasis
 from flowlik.flow import coded, confirmed_method, method_label
@@ -60,8 +60,7 @@ def evaluate(
     config = {"model": str(model), "data": [str(folder) for folder in data], **options.asdict()}
     run = RunFolder(out, command, config, options.seed)
     for number, folder in enumerate(data):
-        whole = open_sequence(folder, options.format, options.camera)
-        sequence = resized(masked(whole, options.mask), options.resize)
+        sequence = read_data(folder, options, run)
         blocks = split_blocks(sequence, options.seed)
         task = Task(flow, (index,), kept_for_eigenbasis(index), likelihood.texture)
         found = sketch_for_run(

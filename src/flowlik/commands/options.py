@@ -66,12 +66,16 @@ class Data(Options):
         Image of the size of the images as they are, white where pixels are used; `flowlik.datasets.masked`.
     resize : str, optional
         ``WIDTHxHEIGHT`` [px] or a factor of the images' size; `flowlik.datasets.resized`.
+    skip_bad_frames : bool
+        Go on over frames that are missing or unreadable, or whose time does not advance; the report tells
+        which.
     """
 
     format: str | None = None
     camera: str | None = None
     mask: Path | None = None
     resize: str | None = None
+    skip_bad_frames: bool = False
 
     @property
     def images(self) -> dict[str, Any]:
@@ -162,9 +166,6 @@ class OdometryOptions(Data):
         Only every so many-th of these.
     parallax : float, optional
         Leave frames out until the median flow since the last one used exceeds so many pixels.
-    skip_bad_frames : bool
-        Go on over frames that are missing or unreadable, or whose time does not advance; the report tells
-        which.
     frames_per_second : float, optional
         Frame rate [Hz], for images without times.
     topic, depth_topic : str, optional
@@ -194,7 +195,6 @@ class OdometryOptions(Data):
     start: int = 0
     stride: int = 1
     parallax: float | None = None
-    skip_bad_frames: bool = False
     frames_per_second: float | None = None
     topic: str | None = None
     depth_topic: str | None = None

@@ -119,10 +119,10 @@ def _open_tum_rgbd(path: Path, **options: Any) -> ImageSequence:
     return TumRgbd(path, **options)
 
 
-def _open_euroc(path: Path) -> ImageSequence:
+def _open_euroc(path: Path, **options: Any) -> ImageSequence:
     from flowlik.datasets.euroc import Euroc
 
-    return Euroc(path)
+    return Euroc(path, **options)
 
 
 def _open_image_folder(path: Path, **options: Any) -> ImageSequence:
@@ -160,7 +160,7 @@ FORMATS: dict[str, Format] = {
         _open_seven_scenes, layouts.seven_scenes, "frame-NNNNNN.color.png", ("camera", "lenient")
     ),
     "tum-rgbd": Format(_open_tum_rgbd, layouts.tum_rgbd, "rgb.txt with depth.txt", ("camera", "lenient")),
-    "euroc": Format(_open_euroc, layouts.euroc, "mav0/cam0"),
+    "euroc": Format(_open_euroc, layouts.euroc, "mav0/cam0", ("lenient",)),
     "ros": Format(
         _open_ros, layouts.ros, "a ROS bag or .mcap", ("camera", "topic", "depth_topic", "lenient")
     ),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.datasets.base import frame_index, lacks
@@ -13,9 +12,10 @@ from flowlik.datasets.camera_file import read_camera
 from flowlik.datasets.euroc_files import read_T_b_c
 from flowlik.datasets.frames import FrameFiles
 from flowlik.datasets.intrinsics import GivenCamera
+from flowlik.datasets.timed import TimedFiles, left_out, timed_files
 from flowlik.errors import DataError
 from flowlik.geometry.pose_table import nanoseconds, read_euroc_poses
-from flowlik.geometry.times import check_times, nearest
+from flowlik.geometry.times import nearest
 from flowlik.support.files import printable, read_csv
 
 TOLERANCE_S = 0.003
@@ -28,13 +28,21 @@ class Euroc(GivenCamera, FrameFiles):
     ``mav0/cam0`` holds ``data.csv`` (times and files), ``data`` and ``sensor.yaml`` (intrinsics, distortion,
     place on the robot), ``mav0/state_groundtruth_estimate0/data.csv`` the robot's poses. Images are as the
     camera's `lens` shows them; `flowlik.open_sequence` undistorts them as they are read. Frames without a
-    pose within 3 ms are left out where poses are there: before take-off and after landing. World axes are
-    those of the ground truth (z up). There is neither depth nor flow.
+    pose within 3 ms are left out where poses are there: before take-off and after landing; `notes` counts
+    them. World axes are those of the ground truth (z up). There is neither depth nor flow.
 
     Parameters
     ----------
     folder : Path or str
         One sequence, e.g. ``MH_01_easy``, or its ``mav0``.
+    lenient : bool
+        Rows of the tables may go back in time or be double: they are sorted, and of double ones the first is
+        kept, which `notes` counts; images may be missing, which is told when they are read.
+
+    Attributes
+    ----------
+    notes : tuple of str
+        What was left out.
 
     Raises
     ------
@@ -42,7 +50,7 @@ class Euroc(GivenCamera, FrameFiles):
         If a file is missing or malformed, the lens is not known, or no image has a pose.
     """
 
-    def __init__(self, folder: Path | str) -> None:
+    def __init__(self, folder: Path | str, lenient: bool = False) -> None:
         folder = Path(folder)
         if not folder.is_dir():
             raise DataError(f"{folder}: no such folder")
@@ -51,21 +59,25 @@ class Euroc(GivenCamera, FrameFiles):
             raise DataError(f"{folder}: no folder mav0/cam0, not a EuRoC sequence")
         sensor = mav / "cam0" / "sensor.yaml"
         self.lens = read_camera(sensor)
-        times, files = _read_images(mav / "cam0")
+        times, files, self.notes = _read_images(mav / "cam0", lenient)
         truth = mav / "state_groundtruth_estimate0" / "data.csv"
         self._poses: RigidTransform | None = None
         if truth.is_file():
-            table = read_euroc_poses(truth)
+            table = read_euroc_poses(truth, lenient)
             assert table.times_s is not None
+            self.notes += left_out(truth, table.left_out)
             pose_of = nearest(times, table.times_s, TOLERANCE_S)
             kept = pose_of >= 0
             if not kept.any():
                 raise DataError(f"{truth}: no pose within {TOLERANCE_S} s of an image")
             self._poses = table.poses[pose_of[kept]] * read_T_b_c(sensor)
             times, files = times[kept], [files[i] for i in np.flatnonzero(kept)]
+            if not kept.all():
+                gone = f"{(~kept).sum()} of {len(kept)} images"
+                self.notes += (f"{truth}: {gone} have no pose within {TOLERANCE_S} s, left out",)
         self._times = times
         scene = folder.resolve().parent.name if mav is folder else folder.resolve().name
-        super().__init__(f"euroc/{printable(scene)}", files)
+        super().__init__(f"euroc/{printable(scene)}", files, lenient)
         self.lens.pinhole(self.shape)  # refuses what is no camera of these images
 
     def timestamp(self, k: int) -> float:
@@ -93,13 +105,11 @@ class Euroc(GivenCamera, FrameFiles):
         return self._poses[frame_index(self, k)]
 
 
-def _read_images(folder: Path) -> tuple[NDArray[np.float64], list[Path]]:
-    """Times (N,) [s] and image files that ``data.csv`` lists."""
+def _read_images(folder: Path, lenient: bool) -> TimedFiles:
+    """Image files that ``data.csv`` lists."""
     path = folder / "data.csv"
     stamps, files = [], []
     for where, words in read_csv(path, 2, "a time [ns] and a file name"):
         stamps.append(nanoseconds(words[0], where))
         files.append(folder / "data" / words[1])
-    times = np.array(stamps)
-    check_times(times, str(path))
-    return times, files
+    return timed_files(stamps, files, path, lenient)

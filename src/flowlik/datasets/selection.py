@@ -191,12 +191,26 @@ def select_frames(
         if reason:
             skipped.append(Skipped(int(numbers[k]), reason))
             continue
-        last = sequence.timestamp(k) if skip_bad else last
+        with suppress(MissingFieldError):
+            last = sequence.timestamp(k) if skip_bad else last
         kept.append(k)
     if skip_bad and len(kept) < 2:
         first = f" (frame {skipped[0].frame}: {skipped[0].reason})" if skipped else ""
         raise DataError(f"{sequence.name}: {len(kept)} of {len(frames)} frames can be used{first}")
     return Selection(sequence, kept), skipped
+
+
+def usable(sequence: ImageSequence) -> tuple[ImageSequence, list[Skipped]]:
+    """All frames of a sequence that can be used, and those left out; isolated pairs stay as they are.
+
+    Raises
+    ------
+    DataError
+        If fewer than two frames are left.
+    """
+    if getattr(sequence, "isolated_pairs", False):
+        return sequence, []
+    return select_frames(sequence, skip_bad=True)
 
 
 def whole_pair(sequence: ImageSequence, k: int) -> tuple[ImageSequence, int]:
@@ -209,15 +223,15 @@ def whole_pair(sequence: ImageSequence, k: int) -> tuple[ImageSequence, int]:
 
 def _reason(sequence: ImageSequence, k: int, last: float) -> str:
     """Why a frame cannot be used, or nothing."""
+    time = np.nan
     try:
         sequence.image(k)
-        time = sequence.timestamp(k)
         with suppress(MissingFieldError):
             sequence.T_n_c(k)
-    except MissingFieldError:
-        raise
+        with suppress(MissingFieldError):
+            time = sequence.timestamp(k)
     except DataError as error:
         return str(error)
-    if last < time < np.inf:
+    if np.isnan(time) or last < time < np.inf:
         return ""
     return f"time does not advance: {time_text(time)} s after {time_text(last)} s"

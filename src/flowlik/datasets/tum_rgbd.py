@@ -14,9 +14,10 @@ from flowlik.datasets.frames import DepthFrames, read_depth
 from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_lens
 from flowlik.datasets.lens import Lens
 from flowlik.datasets.lens_models import BrownConrady
+from flowlik.datasets.timed import TimedFiles, left_out, timed_files
 from flowlik.errors import DataError
 from flowlik.geometry.pose_table import read_pose_table
-from flowlik.geometry.times import check_times, in_time_order, mutual, nearest
+from flowlik.geometry.times import mutual, nearest
 from flowlik.support.files import numbers, printable, read_text
 
 TOLERANCE_S = 0.02
@@ -73,19 +74,19 @@ class TumRgbd(GivenCamera, DepthFrames):
         if not self.folder.is_dir():
             raise DataError(f"{self.folder}: no such folder")
         scene = self.folder.resolve().name
-        self.notes: tuple[str, ...] = ()
-        times, files = self._read_list("rgb.txt", lenient)
+        times, files, self.notes = _read_list(self.folder / "rgb.txt", lenient)
         kept = np.ones(len(times), dtype=bool)
         self._depths: list[Path] | None = None
         self._poses: RigidTransform | None = None
         depth_list, truth = self.folder / "depth.txt", self.folder / "groundtruth.txt"
         if depth_list.is_file():
-            depth_times, depth_files = self._read_list("depth.txt", lenient)
+            depth_times, depth_files, notes = _read_list(depth_list, lenient)
+            self.notes += notes
             depth_of = mutual(times, depth_times, TOLERANCE_S)
             kept &= depth_of >= 0
         if truth.is_file():
             table = read_pose_table(truth, lenient, columns=(8,))
-            self._note_left_out("groundtruth.txt", table.left_out)
+            self.notes += left_out(truth, table.left_out)
             assert table.times_s is not None
             pose_of = nearest(times, table.times_s, TOLERANCE_S)
             kept &= pose_of >= 0
@@ -146,25 +147,11 @@ class TumRgbd(GivenCamera, DepthFrames):
             raise lacks(self.name, "depth (depth.txt)")
         return read_depth(self._depths[frame_index(self, k)], self.shape, UNITS_PER_M)
 
-    def _read_list(self, name: str, lenient: bool) -> tuple[NDArray[np.float64], list[Path]]:
-        """Times (N,) [s], increasing, and files of a list."""
-        path = self.folder / name
-        times, files = _read_rows(path)
-        if not lenient:
-            check_times(times, str(path))
-            return times, files
-        kept = in_time_order(times)
-        self._note_left_out(name, len(times) - len(kept))
-        return times[kept], [files[i] for i in kept]
 
-    def _note_left_out(self, name: str, rows: int) -> None:
-        if rows:
-            self.notes += (f"{self.folder / name}: {rows} rows left out, whose time another row has",)
-
-
-def _read_rows(path: Path) -> tuple[NDArray[np.float64], list[Path]]:
-    """Times (N,) [s] and files of a list with rows ``timestamp filename``."""
-    times, files = [], []
+def _read_list(path: Path, lenient: bool) -> TimedFiles:
+    """Files of a list with rows ``timestamp filename``."""
+    times: list[float] = []
+    files: list[Path] = []
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         words = line.partition("#")[0].split(maxsplit=1)
         if not words:
@@ -175,4 +162,4 @@ def _read_rows(path: Path) -> tuple[NDArray[np.float64], list[Path]]:
         files.append(path.parent / words[1].strip())
     if not times:
         raise DataError(f"{path}: empty, but expected rows of a time [s] and a file name")
-    return np.array(times), files
+    return timed_files(times, files, path, lenient)
