@@ -112,14 +112,13 @@ def main() -> None:
         if options.measure_only:
             continue
         rows = tuple(OURS) if options.ours_only else (*OURS, *BASELINES)
-        drive = run_drive(sequence, likelihood, seed=options.seed, names=rows,
-                          measured=lambda k, p=pairs: p[k - 1])  # fmt: skip
+        drive = run_drive(sequence, likelihood, seed=options.seed, names=rows, measured=pairs)
         run.records += drive_records(drive, exact=True)
         for kind, arrays in drive_figures(drive).items():
             run.save(kind, f"simulated-{name}", arrays)
         displaced = [seen_by(m, sequence.camera) for m in pairs]
         wrong = run_drive(sequence, likelihood, seed=options.seed, names=("nominal", "self-calibrated"),
-                          measured=lambda k, p=displaced: p[k - 1])  # fmt: skip
+                          measured=displaced)  # fmt: skip
         wrong.sequence = f"simulated/{name}-wrong-intrinsics"
         run.records += drive_records(wrong, exact=True)
         for kind, arrays in drive_figures(wrong).items():

@@ -35,6 +35,7 @@ class Frames:
 
     count: int
     name: str = "kitti/07"
+    camera: Pinhole | None = None
 
     def __len__(self):
         return self.count
@@ -139,7 +140,7 @@ def test_odometry_reads_the_file_of_each_pair(tmp_path):
     poses = []
     for method in (Farneback(), FlowFiles("farneback", tmp_path)):
         robot = Odometry(camera, method, ransac())
-        assert len(list(run_odometry(Film(4), robot, "epipolar"))) == 3
+        assert len(list(run_odometry(Film(4, camera=camera), robot, "epipolar"))) == 3
         poses.append([T.as_matrix() for T in robot.poses])
     np.testing.assert_array_equal(*poses)
     assert not np.allclose(poses[0][-1], np.eye(4))

@@ -14,9 +14,10 @@ from flowlik.geometry.motion import exp_se3, h, inverse_range
 from flowlik.image.depth import ImplausibleDepthWarning
 from flowlik.image.texture import TextureDefinition
 from flowlik.measurement.features import features_of, measure_features
-from flowlik.odometry.loop import run_odometry
+from flowlik.odometry.loop import measured_pairs, run_odometry
 from flowlik.odometry.odometry import Odometry, scaled
 from flowlik.odometry.scale import scale_source, true_distance
+from flowlik.support.threads import map_ahead
 from tests.helpers import lcm_likelihood, textured_image
 
 CAMERA = Pinhole.from_fov(96, 72, 90.0)
@@ -252,6 +253,37 @@ def test_the_loop_ends_after_the_frames_asked_for(estimator):
     odometry = Odometry(CAMERA, ExactFlow(), estimator)
     assert len(list(run_odometry(Frames(), odometry, "depth", frames=2))) == 1
     assert len(odometry.poses) == 2
+
+
+@pytest.mark.parametrize("map", [map, map_ahead])
+@pytest.mark.parametrize("depth", [True, False])
+def test_pairs_are_measured_once_for_any_estimators(map, depth):
+    model = lcm_likelihood()
+    pairs = list(measured_pairs(Frames(), ExactFlow(), model, seed=3, depth=depth, map=map))
+    assert [(pair.k, pair.timestamp) for pair in pairs] == [(k, 0.1 * k) for k in (1, 2, 3)]
+    for k, pair in enumerate(pairs, 1):
+        m = measure_features(frame(k - 1), frame(k), ExactFlow(), model.texture, 3 + k, model.signals)
+        np.testing.assert_array_equal(pair.measurements.pixels, m.pixels)
+        np.testing.assert_array_equal(pair.measurements.flow, m.flow)
+        assert pair.depth is (DEPTH if depth else None)
+
+
+def test_the_loop_refuses_frames_of_another_size():
+    class Odd(Frames):
+        def image(self, k):
+            return frame(k)[: 72 - k]
+
+    with pytest.raises(DataError, match="image of 96x71 for a camera of 96x72"):
+        list(measured_pairs(Odd(), ExactFlow(), lcm_likelihood()))
+
+
+def test_the_loop_refuses_times_that_do_not_advance(estimator):
+    class Still(Frames):
+        def timestamp(self, k):
+            return 0.0
+
+    with pytest.raises(DataError, match="time does not advance"):
+        list(run_odometry(Still(), Odometry(CAMERA, ExactFlow(), estimator), "depth"))
 
 
 def test_the_true_distance_is_between_poses():

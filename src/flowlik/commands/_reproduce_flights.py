@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -22,7 +21,8 @@ from flowlik.flow.base import FlowMethod
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.trajectory import Trajectory, chain
 from flowlik.likelihood.likelihood import FlowLikelihood
-from flowlik.measurement.features import features_of, measure_features
+from flowlik.measurement.features import features_of
+from flowlik.odometry.loop import measured_pairs
 from flowlik.results.records import Record, protocol
 from flowlik.results.runs import RunFolder
 from flowlik.simulation import simulate, write_sequence
@@ -75,9 +75,12 @@ def fly(
             name: [] for name in (*(e.name for e in estimators), BASELINE)
         }
         unsolved = dict.fromkeys(steps, 0)
-        pairs = progress(_residuals(sequence, method, best), f"{method.name} on {dataset}", flight.pairs)
-        for k, residual in enumerate(pairs):
-            for name, motion in _motions(residual, estimators, seed=k).items():
+        # the pair that begins at frame k has the seed k
+        pairs = measured_pairs(sequence, method, best, seed=-1, depth=True)
+        for pair in progress(pairs, f"{method.name} on {dataset}", flight.pairs):
+            assert pair.depth is not None
+            residual = KnownDepth.of(pair.measurements, sequence.camera, pair.depth)
+            for name, motion in _motions(residual, estimators, seed=pair.k - 1).items():
                 unsolved[name] += motion is None
                 steps[name].append(RigidTransform.identity() if motion is None else motion)
         trajectories = {name: Trajectory(truth.timestamps, chain(moves)) for name, moves in steps.items()}
@@ -101,15 +104,6 @@ def fly(
         _save_figures(run, f"{method.name}-{dataset}", trajectories, truth)
         if method.name == "farneback":
             run.save("flow-sequence", f"{method.name}-{dataset}", _flow_sequence(sequence, method))
-
-
-def _residuals(
-    sequence: ImageSequence, method: FlowMethod, likelihood: FlowLikelihood
-) -> Iterator[KnownDepth]:
-    signals = likelihood.signals
-    for k in range(len(sequence) - 1):
-        m = measure_features(sequence.image(k), sequence.image(k + 1), method, likelihood.texture, k, signals)
-        yield KnownDepth.of(m, sequence.camera, sequence.depth(k))
 
 
 def _motions(

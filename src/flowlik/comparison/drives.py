@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -18,12 +18,12 @@ from flowlik.errors import DataError
 from flowlik.evaluation.motion.motion_records import true_trajectory
 from flowlik.evaluation.motion.split_half import LEAST_STEP_M, difference_covariance, halves
 from flowlik.flow import flow_method
+from flowlik.flow.base import FlowMethod
 from flowlik.geometry.trajectory import Trajectory
 from flowlik.likelihood.likelihood import FlowLikelihood
-from flowlik.measurement.features import measure_features
 from flowlik.measurement.measurements import Measurements
 from flowlik.odometry.boresight import Boresight
-from flowlik.odometry.loop import true_move
+from flowlik.odometry.loop import measured_pairs, true_move
 from flowlik.odometry.odometry import Odometry, scaled
 from flowlik.odometry.scale import scale_source, true_distance
 from flowlik.odometry.self_calibration import Intrinsics, SelfCalibration
@@ -108,7 +108,7 @@ def run_drive(
     seed: int = 0,
     names: Iterable[str] = (*OURS, *BASELINES),
     progress: Progress = no_progress,
-    measured: Callable[[int], Measurements] | None = None,
+    measured: Iterable[Measurements] | None = None,
 ) -> Drive:
     """Run estimators on one drive, all on the same tracks and with the true steps' lengths.
 
@@ -126,8 +126,8 @@ def run_drive(
         Estimators, of `OURS` and `BASELINES`.
     progress : Progress
         Told how far it is.
-    measured : callable, optional
-        ``measured(k)``: measurements from frame k - 1 to k, where they are not to be made here.
+    measured : iterable of Measurements, optional
+        Of every frame after the first, where they are not to be made here.
 
     Raises
     ------
@@ -141,58 +141,85 @@ def run_drive(
     if truth is None:
         raise DataError(f"{sequence.name}: the table needs poses")
     method, estimator, names = flow_method(likelihood.method or {}), lcmsac(likelihood), tuple(names)
-    scale = scale_source("truth-norm", sequence)
-    robots = {
-        name: Odometry(
-            sequence.camera, method, estimator, seed, scale,
-            SelfCalibration() if OURS[name]["self_calibrate"] else None,
-        )
-        for name in OURS if name in names and name != "boresight"
-    }  # fmt: skip
-    if "boresight" in names and "nominal" not in robots:
-        raise DataError("the row boresight turns the motions of the row nominal, which is not asked for")
-    turning = Boresight.none()
+    robots = _robots(sequence, method, estimator, seed, names)
     plain = {"boresight": "none", "self_calibrate": False}
     drive = Drive(sequence.name, method.name, truth, estimator, seed)
     drive.rows = {name: Row(dict(OURS.get(name, plain))) for name in names}
-    for k in progress(iter(range(1, count)), sequence.name, count - 1):
-        start = time.process_time()
-        m = measured(k) if measured is not None else _measured(sequence, k, likelihood, seed)
-        drive.measuring_s += time.process_time() - start
+    turning, rivals = Boresight.none(), [name for name in BASELINES if name in names]
+    if measured is None:
+        # one after the other: the processor's seconds are those of all threads
+        pairs = measured_pairs(sequence, method, likelihood, seed, frames=count, map=map)
+        measured = (pair.measurements for pair in pairs)
+    steps = zip(range(1, count), _timed(drive, measured))
+    for k, m in progress(steps, sequence.name, count - 1):
         for name, robot in robots.items():
-            start = time.process_time()
-            motion = robot.advance(m)
-            drive.rows[name].seconds += time.process_time() - start
-            drive.rows[name].motions.append(motion.T_k_prev)
-            drive.rows[name].found.append(motion)
+            _advance(drive.rows[name], robot, m)
+        if "boresight" in names:
+            turning = _turn(drive, turning, true_move(sequence, k))
+        distance_m = true_distance(sequence, k)
+        parts = [Epipolar.of(m.select(part), sequence.camera) for part in halves(m.pixels)]
         if "nominal" in robots:
             _keep_outliers(drive, m, sequence, k)
-        if "boresight" in names:
-            # what a boresight turns is what the nominal camera finds: no estimate is made twice
-            found = drive.rows["nominal"].found[-1]
-            turned = replace(found, T_k_prev=turning.applied(found.T_k_prev))
-            drive.rows["boresight"].motions.append(turned.T_k_prev)
-            drive.rows["boresight"].found.append(turned)
-            if found.status is Status.SOLVED:
-                turning = turning.updated(found.T_k_prev, true_move(sequence, k))
-        distance = true_distance(sequence, k)
-        parts = [Epipolar.of(m.select(part), sequence.camera) for part in halves(m.pixels)]
-        if "nominal" in robots and distance > LEAST_STEP_M:
-            row = drive.rows["nominal"]
-            guess = row.found[-1].T_k_prev if row.found[-1].solved else None
-            first, second = (estimator.estimate(part, seed, guess) for part in parts)
-            if first.solved and second.solved:
-                row.halves.append((first, second))
-                row.differences.append(difference_covariance(estimator, parts, (first, second)))
-            row.pairs.append((first.T_k_prev, second.T_k_prev))
-        for name, solve in BASELINES.items():
-            if name in names:
-                _run_baseline(drive.rows[name], solve, Epipolar.of(m, sequence.camera), parts, distance)
+            if distance_m > LEAST_STEP_M:
+                _halve(drive, parts)
+        whole = Epipolar.of(m, sequence.camera)
+        for name in rivals:
+            _run_baseline(drive.rows[name], BASELINES[name], whole, parts, distance_m)
     if drive.outliers:
         drive.outliers["image"] = sequence.image(drive.outliers.pop("frame"))
     if "self-calibrated" in robots:
         drive.intrinsics = robots["self-calibrated"].intrinsics
     return drive
+
+
+def _robots(
+    sequence: ImageSequence, method: FlowMethod, estimator: Estimator, seed: int, names: tuple[str, ...]
+) -> dict[str, Odometry]:
+    """Odometries by name; what a boresight turns is what the nominal camera finds: no estimate twice."""
+    own = [name for name in OURS if name in names and name != "boresight"]
+    if "boresight" in names and "nominal" not in own:
+        raise DataError("the row boresight turns the motions of the row nominal, which is not asked for")
+    scale = scale_source("truth-norm", sequence)
+    refined = {name: SelfCalibration() if OURS[name]["self_calibrate"] else None for name in own}
+    return {name: Odometry(sequence.camera, method, estimator, seed, scale, refined[name]) for name in own}
+
+
+def _timed(drive: Drive, measured: Iterable[Measurements]) -> Iterator[Measurements]:
+    """Measurements as they come; the drive keeps what they cost."""
+    start = time.process_time()
+    for m in measured:
+        drive.measuring_s += time.process_time() - start
+        yield m
+        start = time.process_time()
+
+
+def _advance(row: Row, robot: Odometry, m: Measurements) -> None:
+    start = time.process_time()
+    motion = robot.advance(m)
+    row.seconds += time.process_time() - start
+    row.motions.append(motion.T_k_prev)
+    row.found.append(motion)
+
+
+def _turn(drive: Drive, turning: Boresight, true_move_m: Array) -> Boresight:
+    """Turn the nominal motion by what earlier frames say; return what this one says too."""
+    found = drive.rows["nominal"].found[-1]
+    turned = replace(found, T_k_prev=turning.applied(found.T_k_prev))
+    drive.rows["boresight"].motions.append(turned.T_k_prev)
+    drive.rows["boresight"].found.append(turned)
+    solved = found.status is Status.SOLVED
+    return turning.updated(found.T_k_prev, true_move_m) if solved else turning
+
+
+def _halve(drive: Drive, parts: list[Epipolar]) -> None:
+    """Motions of both halves of the nominal camera's vectors."""
+    row, estimator = drive.rows["nominal"], drive.estimator
+    guess = row.found[-1].T_k_prev if row.found[-1].solved else None
+    first, second = (estimator.estimate(part, drive.seed, guess) for part in parts)
+    if first.solved and second.solved:
+        row.halves.append((first, second))
+        row.differences.append(difference_covariance(estimator, parts, (first, second)))
+    row.pairs.append((first.T_k_prev, second.T_k_prev))
 
 
 def _keep_outliers(drive: Drive, m: Measurements, sequence: ImageSequence, k: int) -> None:
@@ -223,9 +250,3 @@ def _run_baseline(
         first, second = (solve(part) for part in parts)
         if first is not None and second is not None:
             row.pairs.append((first, second))
-
-
-def _measured(sequence: ImageSequence, k: int, likelihood: FlowLikelihood, seed: int) -> Measurements:
-    method, signals = flow_method(likelihood.method or {}), likelihood.schedule.index.signals
-    images = sequence.image(k - 1), sequence.image(k)
-    return measure_features(*images, method, likelihood.texture, seed + k, signals)

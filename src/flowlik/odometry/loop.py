@@ -1,22 +1,106 @@
-"""Odometry over a sequence: flow of the next pair beside the estimate of the last."""
+"""The loop over a sequence: flow of the next pair of frames beside what is made of the last."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Literal
+from collections.abc import Callable, Iterator
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from flowlik.datasets.base import ImageSequence
 from flowlik.datasets.selection import whole_pair
 from flowlik.egomotion import EgoMotion
-from flowlik.flow.base import method_for_pair
+from flowlik.flow.base import FlowMethod, Image, method_for_pair
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.measurement.features import measure_features
 from flowlik.measurement.measurements import Measurements
-from flowlik.odometry.odometry import Odometry
+from flowlik.odometry.odometry import Odometry, check_frame
 from flowlik.support.arrays import Array
+from flowlik.support.threads import map_ahead
 
 ResidualKind = Literal["depth", "epipolar"]
+
+
+class MeasuredPair(NamedTuple):
+    """What is measured from frame k - 1 to k, the time [s] of frame k, and the depth (H, W) [m] of k - 1."""
+
+    k: int
+    timestamp: float
+    measurements: Measurements
+    depth: Array | None
+
+
+class _Pair(NamedTuple):
+    """Frames k - 1 and k as they are read, and the flow method between them."""
+
+    k: int
+    timestamp: float
+    previous: Image
+    current: Image
+    depth: Array | None
+    method: FlowMethod
+
+
+def measured_pairs(
+    sequence: ImageSequence,
+    method: FlowMethod,
+    likelihood: FlowLikelihood,
+    seed: int = 0,
+    depth: bool = False,
+    frames: int | None = None,
+    map: Callable[..., Iterator[MeasuredPair]] = map_ahead,
+) -> Iterator[MeasuredPair]:
+    """Loop over a sequence: its pairs of neighbouring frames, measured; any estimators may use them.
+
+    Parameters
+    ----------
+    sequence : ImageSequence
+        Images. Each is read once, in order, on the thread of the caller.
+    method : FlowMethod
+        Flow.
+    likelihood : FlowLikelihood
+        Says which texture and signals are measured.
+    seed : int
+        Pixels of a dense method are drawn for frame k by ``seed + k``.
+    depth : bool
+        Whether to read depth too, of all frames but the last.
+    frames : int, optional
+        Only the first so many frames.
+    map : callable
+        Like the built-in one, which measures a pair when it is asked for. By default the next pair is
+        measured on a thread while the last one is used.
+
+    Yields
+    ------
+    MeasuredPair
+        Of every frame after the first.
+
+    Raises
+    ------
+    DataError
+        If the sequence lacks a field asked for, or a frame does not fit the camera.
+    """
+
+    def measured(pair: _Pair) -> MeasuredPair:
+        m = measure_features(
+            pair.previous, pair.current, pair.method, likelihood.texture, seed + pair.k, likelihood.signals
+        )
+        return MeasuredPair(pair.k, pair.timestamp, m, pair.depth)
+
+    count = len(sequence) if frames is None else min(frames, len(sequence))
+    return map(measured, _pairs(sequence, method, depth, count))
+
+
+def _pairs(sequence: ImageSequence, method: FlowMethod, depth: bool, count: int) -> Iterator[_Pair]:
+    previous: tuple[Image, Array | None] | None = None
+    for k in range(count):
+        # the last frame's depth is never used, and data sets may lack it
+        frame = sequence.image(k), sequence.depth(k) if depth and k < count - 1 else None
+        check_frame(sequence.camera, *frame)
+        if previous is not None:
+            own = method_for_pair(method, *whole_pair(sequence, k - 1))
+            yield _Pair(k, sequence.timestamp(k), previous[0], frame[0], previous[1], own)
+        previous = frame
 
 
 def true_move(sequence: ImageSequence, k: int) -> Array:
@@ -30,9 +114,7 @@ def run_odometry(
     residual: ResidualKind,
     frames: int | None = None,
 ) -> Iterator[EgoMotion]:
-    """Loop over a sequence; afterwards ``odometry.poses`` holds the trajectory.
-
-    The flow of the next pair is measured on a thread while a motion is estimated.
+    """Run an odometry over a sequence; afterwards ``odometry.poses`` holds the trajectory.
 
     Parameters
     ----------
@@ -53,29 +135,14 @@ def run_odometry(
     Raises
     ------
     DataError
-        If the sequence lacks a field asked for.
+        If the sequence lacks a field asked for, a frame does not fit the camera, or time does not advance.
     """
-    count = len(sequence) if frames is None else min(frames, len(sequence))
-    method = odometry.method
-    waiting: tuple[Future[Measurements], Array | None, Array | None] | None = None
-    with ThreadPoolExecutor(1, thread_name_prefix="flowlik-ahead") as ahead:
-        for k in range(count):
-            if k > 0:
-                odometry.method = method_for_pair(method, *whole_pair(sequence, k - 1))
-            # the last frame's depth is never used, and data sets may lack it
-            depth = sequence.depth(k) if residual == "depth" and k < count - 1 else None
-            reference = true_move(sequence, k) if odometry.boresight is not None and k > 0 else None
-            pair = odometry.take(sequence.image(k), sequence.timestamp(k), depth)
-            following = pair and (ahead.submit(odometry.measure, pair), pair.depth, reference)
-            if waiting is not None:
-                yield _advanced(odometry, *waiting)
-            waiting = following
-        if waiting is not None:
-            yield _advanced(odometry, *waiting)
-    odometry.method = method
-
-
-def _advanced(
-    odometry: Odometry, measured: Future[Measurements], depth: Array | None, reference_m: Array | None
-) -> EgoMotion:
-    return odometry.advance(measured.result(), depth, reference_m=reference_m)
+    likelihood = odometry.estimator.likelihood
+    odometry.begin(sequence.timestamp(0))
+    for pair in measured_pairs(
+        sequence, odometry.method, likelihood, odometry.seed, residual == "depth", frames
+    ):
+        reference_m = true_move(sequence, pair.k) if odometry.boresight is not None else None
+        yield odometry.advance(
+            pair.measurements, pair.depth, reference_m=reference_m, timestamp=pair.timestamp
+        )

@@ -32,16 +32,6 @@ class Step(NamedTuple):
     residual: Residual
 
 
-class FramePair(NamedTuple):
-    """Images k - 1 and k, the depth of the former, and the flow method between them."""
-
-    k: int
-    previous: Image
-    current: Image
-    depth: Array | None
-    method: FlowMethod
-
-
 class Odometry:
     """Ego-motion from one image to the next, chained to a pose.
 
@@ -136,51 +126,29 @@ class Odometry:
         DataError
             If image or depth do not fit the camera, depth is not in floats, or time does not advance.
         """
-        pair = self.take(image, timestamp, depth)
-        if pair is None:
-            return unsolved(Status.TOO_FEW, "the first image has none before it")
-        return self.advance(self.measure(pair), pair.depth, distance_m, reference_m)
+        check_frame(self.camera, image, depth)
+        if self._image is None:
+            self.begin(timestamp)
+            motion = unsolved(Status.TOO_FEW, "the first image has none before it")
+        else:
+            likelihood, seed = self.estimator.likelihood, self.seed + len(self.poses)
+            m = measure_features(
+                self._image, image, self.method, likelihood.texture, seed, likelihood.signals
+            )
+            motion = self.advance(m, self._depth, distance_m, reference_m, timestamp)
+        self._image, self._depth = image, depth
+        return motion
 
-    def take(self, image: Image, timestamp: float, depth: Array | None = None) -> FramePair | None:
-        """Take the next image, as `step` does, and return the pair it makes with the one before.
-
-        `step` is this, then `measure`, which may run beside an `advance`, and `advance`.
+    def begin(self, timestamp: float) -> None:
+        """Take the time [s] of the first frame, whose camera frame is {n}.
 
         Raises
         ------
         DataError
-            If time does not advance, depth is not in floats, or image or depth do not fit the camera or those
-            before.
+            If it is not a finite number.
         """
-        check_pair(image, image)
-        size = f"{self.camera.width}x{self.camera.height}"
-        for name, array in (("image", image), ("depth map", image if depth is None else depth)):
-            if array.shape != (self.camera.height, self.camera.width):
-                raise DataError(f"{name} of {array.shape[1]}x{array.shape[0]} for a camera of {size}")
-        if depth is not None:
-            check_depth_z(depth)
-        last = self.timestamps[-1] if self.timestamps else -np.inf
-        if not last < timestamp < np.inf:
-            raise DataError(f"time does not advance: {timestamp} s after {last} s")
-        previous, known_depth = self._image, self._depth
-        self._image, self._depth = image, depth
-        self.timestamps.append(timestamp)
-        if previous is None:
-            self.poses.append(RigidTransform.identity())
-            return None
-        return FramePair(len(self.timestamps) - 1, previous, image, known_depth, self.method)
-
-    def measure(self, pair: FramePair) -> Measurements:
-        """Measurements of a pair, as the estimator's likelihood needs them."""
-        likelihood = self.estimator.likelihood
-        return measure_features(
-            pair.previous,
-            pair.current,
-            pair.method,
-            likelihood.texture,
-            self.seed + pair.k,
-            likelihood.signals,
-        )
+        self._take_time(timestamp)
+        self.poses.append(RigidTransform.identity())
 
     def advance(
         self,
@@ -188,11 +156,28 @@ class Odometry:
         depth: Array | None = None,
         distance_m: float | None = None,
         reference_m: Array | None = None,
+        timestamp: float | None = None,
     ) -> EgoMotion:
-        """Take the measurements between the last image and the next, made by `measure` or elsewhere.
+        """Take the measurements between the last image and the next, made elsewhere.
 
-        ``depth`` is that of the last image. No timestamp is kept.
+        Parameters
+        ----------
+        m : Measurements
+            As the estimator's likelihood needs them.
+        depth : array (H, W), optional
+            Depth [m] along z of the last image.
+        distance_m, reference_m
+            As `step` takes them.
+        timestamp : float, optional
+            Time [s] of the next image; without it none is kept.
+
+        Raises
+        ------
+        DataError
+            If time does not advance.
         """
+        if timestamp is not None:
+            self._take_time(timestamp)
         if not self.poses:
             self.poses.append(RigidTransform.identity())
         k = len(self.poses)
@@ -219,6 +204,12 @@ class Odometry:
             motion = replace(motion, T_k_prev=turned)
         self.poses.append(self.poses[-1] * motion.T_k_prev.inv())
         return motion
+
+    def _take_time(self, timestamp: float) -> None:
+        last = self.timestamps[-1] if self.timestamps else -np.inf
+        if not last < timestamp < np.inf:
+            raise DataError(f"time does not advance: {timestamp} s after {last} s")
+        self.timestamps.append(timestamp)
 
     def _measured(self, m: Measurements, k: int, depth: Array | None) -> EgoMotion:
         """Motion of a frame, and what it says about the intrinsics."""
@@ -265,6 +256,23 @@ class Odometry:
             sensitivity=None,
             scale_known=True,
         )
+
+
+def check_frame(camera: Pinhole, image: Image, depth: Array | None) -> None:
+    """Check that an image, and its depth [m] if it is given, are a camera's.
+
+    Raises
+    ------
+    DataError
+        If the image is not grey uint8, depth is not in floats, or they do not fit the camera.
+    """
+    check_pair(image, image)
+    size = f"{camera.width}x{camera.height}"
+    for name, array in (("image", image), ("depth map", image if depth is None else depth)):
+        if array.shape != (camera.height, camera.width):
+            raise DataError(f"{name} of {array.shape[1]}x{array.shape[0]} for a camera of {size}")
+    if depth is not None:
+        check_depth_z(depth)
 
 
 def scaled(T_k_prev: RigidTransform, distance_m: float) -> RigidTransform:

@@ -1,4 +1,4 @@
-"""Python threads over bands of rows, for kernels that release the interpreter's lock.
+"""Python threads over bands of rows, and ahead of a loop, for work that releases the interpreter's lock.
 
 Numba's own threads are not used: they spin while they wait, which on a busy machine costs a hundred times
 the work itself, and a process forked after they have run is killed.
@@ -7,9 +7,10 @@ the work itself, and a process forked after they have run is killed.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import lru_cache
+from typing import Any
 
 THREADS = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
@@ -32,6 +33,22 @@ def in_bands(work: Callable[[int, int], object], rows: int, band: int) -> None:
             work(first, last)
         return
     list(_pool().map(lambda limits: work(*limits), bands))
+
+
+def map_ahead(work: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
+    """Lazy, ordered `map` that works on the next item, on a thread, while the last result is used.
+
+    Items are taken on the thread of the caller, one ahead.
+    """
+    with ThreadPoolExecutor(1, thread_name_prefix="flowlik-ahead") as ahead:
+        waiting: Future[Any] | None = None
+        for item in items:
+            following = ahead.submit(work, item)
+            if waiting is not None:
+                yield waiting.result()
+            waiting = following
+        if waiting is not None:
+            yield waiting.result()
 
 
 @lru_cache(maxsize=1)
