@@ -11,7 +11,8 @@ import cv2
 import numpy as np
 
 from flowlik.calibration import ErrorSketch
-from flowlik.calibration.sketch import LEVELS, X_BINS, Z_BINS, _count, x_edges
+from flowlik.calibration._kernels import count
+from flowlik.calibration.sketch import LEVELS, X_BINS, Z_BINS, x_edges
 from flowlik.egomotion import KnownDepth, lcmsac
 from flowlik.flow import Farneback, describe
 from flowlik.image.texture import eigenbasis, structure_tensor
@@ -80,7 +81,7 @@ def sketch(same_bins: bool) -> tuple[float, float, float]:
 
     def ours() -> None:
         first, width = index.low, index.high - index.low
-        _count(
+        count(
             x, x, z, sign, first, X_BINS / width, first, LEVELS / width, empty.counts, empty.by_level,
             empty.errors,
         )  # fmt: skip

@@ -5,11 +5,13 @@ import json
 import shutil
 from contextlib import nullcontext
 from dataclasses import fields
+from functools import partial
 from inspect import signature
 
 import pytest
 
 from flowlik import cli
+from flowlik.commands import _calibrate
 from flowlik.commands.options import CalibrateOptions, EvaluateOptions, FlowOptions, OdometryOptions
 from flowlik.datasets import open_sequence
 from flowlik.report.viewer import _NoViewer
@@ -90,6 +92,9 @@ def told(flight, tmp_path_factory):
             patch.setattr(f"{reader}.resized", changed("resize"))
             for module in ("sketching", "calibrate"):
                 patch.setattr(f"flowlik.commands._{module}.executor", mapped)
+            # one family is enough: what is fitted is tested elsewhere
+            one = partial(_calibrate.fit_families, names=("lcm",))
+            patch.setattr("flowlik.commands._calibrate.fit_families", one)
             patch.setattr("flowlik.commands._odometry.viewer", shown)
             patch.setattr("flowlik.report.build", lambda run: run / "report.html")
             out = tmp_path_factory.mktemp("options") / command

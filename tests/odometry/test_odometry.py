@@ -14,7 +14,7 @@ from flowlik.geometry.motion import exp_se3, h, inverse_range
 from flowlik.image.depth import ImplausibleDepthWarning
 from flowlik.image.texture import TextureDefinition
 from flowlik.measurement.features import features_of, measure_features
-from flowlik.odometry.loop import measured_pairs, run_odometry
+from flowlik.odometry.loop import measure_sequence, run_odometry
 from flowlik.odometry.odometry import Odometry, scaled
 from flowlik.odometry.scale import scale_source, true_distance
 from flowlik.support.threads import map_ahead
@@ -259,7 +259,7 @@ def test_the_loop_ends_after_the_frames_asked_for(estimator):
 @pytest.mark.parametrize("depth", [True, False])
 def test_pairs_are_measured_once_for_any_estimators(map, depth):
     model = lcm_likelihood()
-    pairs = list(measured_pairs(Frames(), ExactFlow(), model, seed=3, depth=depth, map=map))
+    pairs = list(measure_sequence(Frames(), ExactFlow(), model, seed=3, depth=depth, map=map))
     assert [(pair.k, pair.timestamp) for pair in pairs] == [(k, 0.1 * k) for k in (1, 2, 3)]
     for k, pair in enumerate(pairs, 1):
         m = measure_features(frame(k - 1), frame(k), ExactFlow(), model.texture, 3 + k, model.signals)
@@ -274,7 +274,7 @@ def test_the_loop_refuses_frames_of_another_size():
             return frame(k)[: 72 - k]
 
     with pytest.raises(DataError, match="image of 96x71 for a camera of 96x72"):
-        list(measured_pairs(Odd(), ExactFlow(), lcm_likelihood()))
+        list(measure_sequence(Odd(), ExactFlow(), lcm_likelihood()))
 
 
 def test_the_loop_refuses_times_that_do_not_advance(estimator):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numba import njit
 from scipy.optimize import nnls
 
+from flowlik.calibration._kernels import products
 from flowlik.errors import CalibrationError
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.shared_errors import SCALES_PX, ScoreCorrelation, flow_directions, shapes
@@ -16,26 +16,6 @@ from flowlik.support.arrays import Array
 
 EDGES_PX = np.concatenate([[0.0], np.geomspace(3.0, 3072.0, 31)])
 """Edges of the distance bins; a bin's distances stand for their geometric mean."""
-
-
-@njit(cache=True, nogil=True)
-def _products(pixels, scores, n, size, first, per_octave, dot, along, down, norm, cosine, steep):  # type: ignore[no-untyped-def]
-    last = len(norm) - 1
-    for i in range(len(pixels)):
-        for j in range(i + 1):
-            du, dv = pixels[i, 0] - pixels[j, 0], pixels[i, 1] - pixels[j, 1]
-            square = du * du + dv * dv
-            b = 0 if i == j else 1
-            if square >= first * first:
-                b = min(2 + int(per_octave * 0.5 * np.log2(square / (first * first))), last)
-            w = size[i] * size[j]
-            dot[b] += w * (scores[i, 0] * scores[j, 0] + scores[i, 1] * scores[j, 1])
-            along_i = n[i, 0] * scores[i, 0] + n[i, 1] * scores[i, 1]
-            along[b] += w * along_i * (n[j, 0] * scores[j, 0] + n[j, 1] * scores[j, 1])
-            down[b] += w * scores[i, 1] * scores[j, 1]
-            norm[b] += w
-            cosine[b] += w * (n[i, 0] * n[j, 0] + n[i, 1] * n[j, 1])
-            steep[b] += w * n[i, 1] * n[j, 1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +58,7 @@ class ScoreProducts:
         size /= np.linalg.norm(size)
         sums = cls.empty()
         per_octave = (len(EDGES_PX) - 2) / np.log2(EDGES_PX[-1] / EDGES_PX[1])
-        _products(
+        products(
             m.pixels, scores, flow_directions(m.flow), size, EDGES_PX[1], per_octave,
             sums.dot, sums.along, sums.down, sums.norm, sums.cosine, sums.steep,
         )  # fmt: skip

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from functools import reduce
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from flowlik.calibration._kernels import count
 from flowlik.errors import CalibrationError
 from flowlik.likelihood.schedule import TEXTURE_RANGE, Index
-from flowlik.likelihood.tables import Z_NODES, magnitude_nodes, magnitude_position
+from flowlik.likelihood.tables import Z_NODES, magnitude_nodes
 from flowlik.support.arrays import Array
 
 X_BINS = 224
@@ -53,18 +53,6 @@ def magnitude_centres() -> Array:
     edges = magnitude_nodes()
     edges[0] /= 2
     return np.sqrt(edges[:-1] * edges[1:])
-
-
-@njit(cache=True)
-def _count(x, ln_t, z, sign, x_first, x_scale, t_first, t_scale, counts, by_level, errors):  # type: ignore[no-untyped-def]
-    for i in range(len(z)):
-        row = min(max(int((x[i] - x_first) * x_scale), 0), counts.shape[0] - 1)
-        level = min(max(int((ln_t[i] - t_first) * t_scale), 0), by_level.shape[0] - 1)
-        column, _ = magnitude_position(abs(z[i]))
-        side = 0 if z[i] * sign[i] < 0 else 1
-        counts[row, side, column] += 1
-        by_level[level, row] += 1
-        errors[level, side, column] += 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +179,7 @@ class ErrorSketch:
             piece = slice(first, first + PIECE)
             ln_t = np.log(np.maximum(values["texture"][piece], 1e-12))
             x = ln_t if plain else index.combine({name: values[name][piece] for name in index.covariates})
-            _count(
+            count(
                 x, ln_t, z[piece], sign[piece], index.low, X_BINS / (index.high - index.low),
                 low, LEVELS / (high - low), self.counts, self.by_level, self.errors,
             )  # fmt: skip

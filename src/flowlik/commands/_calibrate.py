@@ -26,9 +26,11 @@ from flowlik.calibration import (
     spread_pairs,
     with_shared_errors,
 )
+from flowlik.calibration.shared_errors import Pairs
 from flowlik.commands._reading import read_data
 from flowlik.commands._sketching import sketch_for_run
 from flowlik.commands.options import CalibrateOptions
+from flowlik.datasets.base import ImageSequence
 from flowlik.evaluation.likelihood import (
     Counting,
     bias_records,
@@ -94,59 +96,79 @@ def calibrate(
         If a sequence cannot be read or lacks its truth, or the options do not fit together.
     """
     flow = coded(flow_method(method), options.flow_png)
-    label = method_label(describe(flow))
     family, schedule, seed = options.family, options.schedule, options.seed
+    label = method_label(describe(flow))
     error_family(family)
     check_schedule(schedule)
     config = {"data": [str(folder) for folder in data], "method": method, **options.asdict()}
     run = RunFolder(out, command, config, seed)
     sequences = [read_data(folder, options, run) for folder in data]
+    names = ", ".join(sequence.name for sequence in sequences)
+    provenance: dict[str, object] = {"data": names, "seed": seed, **options.images}
+    keys = {"split": "calibration", **options.images}
+    populations = _populations(run, sequences, flow, options, progress)
+    by_texture, by_flow = ([block for p in populations if p for block in p[kind]] for kind in (0, 1))
+    # each fit takes seconds to a minute: whoever waits is told of it
+    models = fit_families(by_texture, flow, provenance, progress=progress)
+    add_evidence(run, by_texture, models, names, label, seed, **keys)
+    if schedule == "texture":
+        chosen, blocks = models[family], by_texture
+    else:
+        index = schedule_index(schedule, [p[0] for p in populations if p], index_form(flow))
+        blocks = by_flow if schedule == "flow" else [block.over(index) for block in by_texture]
+        constant = schedule == "constant"
+        chosen = fit_likelihood(blocks, error_family(family), flow, provenance=provenance, constant=constant)
+        shown = {family: chosen}
+        add_evidence(run, blocks, shown, names, f"{label}-{schedule}", seed, **keys)
+    bands = None
+    if schedule != "constant":
+        rng, smoothing = np.random.default_rng(seed), chosen.goodness["fit"]["smoothing"]
+        bands = bootstrap(blocks, chosen.family, chosen.schedule, rng, BAND_REPLICATES, smoothing)
+    run.save("table", label, table_arrays(merge_all(blocks), chosen, bands))
+    chosen = with_shared_errors(chosen, _spread(sequences, flow, chosen, options, progress))
+    save_likelihood(with_goodness(chosen, run.records), run.path / "models" / f"{label}.json")
+    finish(run)
+    return run
+
+
+def _populations(
+    run: RunFolder,
+    sequences: Sequence[ImageSequence],
+    flow: FlowMethod,
+    options: CalibrateOptions,
+    progress: Progress,
+) -> list[list[list[ErrorSketch]]]:
+    """Of every sequence its blocks over texture, and over flow."""
     # signals cost more flow, and flow on disk may have none
-    keep = index_form(flow).covariates if schedule == "index" else ()
-    task = Task(flow, (Index(), FLOW_INDEX), keep)
+    keep = index_form(flow).covariates if options.schedule == "index" else ()
+    task, label = Task(flow, (Index(), FLOW_INDEX), keep), method_label(describe(flow))
     most = max(2, BOOTSTRAP_BLOCKS // len(sequences))
     populations = []
     for number, sequence in enumerate(sequences):
-        blocks = split_blocks(sequence, seed)
+        blocks = split_blocks(sequence, options.seed)
         found = sketch_for_run(
             run, blocks, [task], f"{label} on {sequence.name}, blocks of pairs", options, progress,
             f"sketches-{number}", dataset=sequence.name, flow=label,
         )  # fmt: skip
         populations.append(gather(found, len(blocks), most))
-    names = ", ".join(sequence.name for sequence in sequences)
-    provenance: dict[str, object] = {"data": names, "seed": seed, **options.images}
-    keys = {"split": "calibration", **options.images}
-    by_texture, by_flow = ([block for p in populations if p for block in p[kind]] for kind in (0, 1))
-    # each fit takes seconds to a minute: whoever waits is told of it
-    models = fit_families(by_texture, flow, provenance, progress=progress)
-    add_evidence(run, by_texture, models, names, label=label, seed=seed, **keys)
-    if schedule == "texture":
-        chosen, blocks_of_chosen = models[family], by_texture
-    else:
-        index = schedule_index(schedule, [p[0] for p in populations if p], index_form(flow))
-        blocks_of_chosen = by_flow if schedule == "flow" else [block.over(index) for block in by_texture]
-        constant = schedule == "constant"
-        chosen = fit_likelihood(
-            blocks_of_chosen, error_family(family), flow, provenance=provenance, constant=constant
-        )
-        shown = {family: chosen}
-        label_of_chosen = f"{label}-{schedule}"
-        add_evidence(run, blocks_of_chosen, shown, names, label=label_of_chosen, seed=seed, **keys)
-    bands = None
-    if schedule != "constant":
-        rng, smoothing = np.random.default_rng(seed), chosen.goodness["fit"]["smoothing"]
-        bands = bootstrap(blocks_of_chosen, chosen.family, chosen.schedule, rng, BAND_REPLICATES, smoothing)
-    run.save("table", label, table_arrays(merge_all(blocks_of_chosen), chosen, bands))
-    spread = [b for s in sequences for b in spread_pairs(s, max(2, SHARED_PAIRS // len(sequences)), seed)]
+    return populations
+
+
+def _spread(
+    sequences: Sequence[ImageSequence],
+    flow: FlowMethod,
+    chosen: FlowLikelihood,
+    options: CalibrateOptions,
+    progress: Progress,
+) -> Pairs:
+    """Errors of pairs from all over the sequences, for what errors share."""
+    count = max(2, SHARED_PAIRS // len(sequences))
+    spread = [block for sequence in sequences for block in spread_pairs(sequence, count, options.seed)]
     with executor(options.executor, options.workers, options.scheduler) as block_map:
-        pairs = measured_pairs(
+        return measured_pairs(
             spread, flow, chosen.texture, chosen.signals,
             lambda work, *items: progress(block_map(work, *items), "what errors share", len(spread)),
         )  # fmt: skip
-    chosen = with_shared_errors(chosen, pairs)
-    save_likelihood(with_goodness(chosen, run.records), run.path / "models" / f"{label}.json")
-    finish(run)
-    return run
 
 
 def fit_families(

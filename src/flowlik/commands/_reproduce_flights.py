@@ -22,7 +22,7 @@ from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.trajectory import Trajectory, chain
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.measurement.features import features_of
-from flowlik.odometry.loop import measured_pairs
+from flowlik.odometry.loop import measure_sequence
 from flowlik.results.records import Record, protocol
 from flowlik.results.runs import RunFolder
 from flowlik.simulation import simulate, write_sequence
@@ -58,7 +58,13 @@ def fly(
     models: dict[str, dict[str, FlowLikelihood]],
     progress: Progress,
 ) -> None:
-    """Ego-motion with known depth on a held-out flight, all estimators on the same measurements."""
+    """Ego-motion with known depth on a held-out flight, all estimators on the same measurements.
+
+    Raises
+    ------
+    DataError
+        If the flight, or its folder, is no sequence with depth.
+    """
     sequence, dataset = flight_sequence(run, plan, flight, camera), plan.dataset(flight)
     truth = true_trajectory(sequence, flight.pairs + 1)
     assert truth is not None
@@ -76,7 +82,7 @@ def fly(
         }
         unsolved = dict.fromkeys(steps, 0)
         # the pair that begins at frame k has the seed k
-        pairs = measured_pairs(sequence, method, best, seed=-1, depth=True)
+        pairs = measure_sequence(sequence, method, best, seed=-1, depth=True)
         for pair in progress(pairs, f"{method.name} on {dataset}", flight.pairs):
             assert pair.depth is not None
             residual = KnownDepth.of(pair.measurements, sequence.camera, pair.depth)

@@ -23,7 +23,7 @@ from flowlik.geometry.trajectory import Trajectory
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.measurement.measurements import Measurements
 from flowlik.odometry.boresight import Boresight
-from flowlik.odometry.loop import measured_pairs, true_move
+from flowlik.odometry.loop import measure_sequence, true_move
 from flowlik.odometry.odometry import Odometry, scaled
 from flowlik.odometry.scale import scale_source, true_distance
 from flowlik.odometry.self_calibration import Intrinsics, SelfCalibration
@@ -148,7 +148,7 @@ def run_drive(
     turning, rivals = Boresight.none(), [name for name in BASELINES if name in names]
     if measured is None:
         # one after the other: the processor's seconds are those of all threads
-        pairs = measured_pairs(sequence, method, likelihood, seed, frames=count, map=map)
+        pairs = measure_sequence(sequence, method, likelihood, seed, frames=count, map=map)
         measured = (pair.measurements for pair in pairs)
     steps = zip(range(1, count), _timed(drive, measured))
     for k, m in progress(steps, sequence.name, count - 1):

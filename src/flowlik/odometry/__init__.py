@@ -1,7 +1,7 @@
 """Ego-motion over a sequence: loop, scale, boresight, motion model, self-calibration, outputs."""
 
 from flowlik.odometry.boresight import Boresight
-from flowlik.odometry.loop import run_odometry
+from flowlik.odometry.loop import measure_sequence, run_odometry
 from flowlik.odometry.odometry import Odometry
 from flowlik.odometry.scale import scale_source
 from flowlik.odometry.self_calibration import SelfCalibration
@@ -11,6 +11,7 @@ __all__ = [
     "Boresight",
     "Odometry",
     "SelfCalibration",
+    "measure_sequence",
     "read_covariance_csv",
     "run_odometry",
     "scale_source",

@@ -41,7 +41,7 @@ class _Pair(NamedTuple):
     method: FlowMethod
 
 
-def measured_pairs(
+def measure_sequence(
     sequence: ImageSequence,
     method: FlowMethod,
     likelihood: FlowLikelihood,
@@ -139,7 +139,7 @@ def run_odometry(
     """
     likelihood = odometry.estimator.likelihood
     odometry.begin(sequence.timestamp(0))
-    for pair in measured_pairs(
+    for pair in measure_sequence(
         sequence, odometry.method, likelihood, odometry.seed, residual == "depth", frames
     ):
         reference_m = true_move(sequence, pair.k) if odometry.boresight is not None else None
