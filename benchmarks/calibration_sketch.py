@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from flowlik.calibration import ErrorSketch, fit, place_knots
+from flowlik.calibration import ErrorSketch, fit
+from flowlik.calibration._fit import place_knots
 from flowlik.calibration.sketch import level_edges
 from flowlik.evaluation.likelihood import Counting, kolmogorov_smirnov, negative_log_likelihood
 from flowlik.likelihood.families import LaplaceCauchy

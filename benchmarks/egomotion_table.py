@@ -18,7 +18,7 @@ from flowlik.evaluation.motion.motion_records import true_trajectory
 from flowlik.flow import flow_method
 from flowlik.geometry.trajectory import Trajectory, chain
 from flowlik.measurement.features import features_of
-from flowlik.odometry.constant_velocity import ConstantVelocity
+from flowlik.odometry._constant_velocity import ConstantVelocity
 from flowlik.results.records import Record, protocol
 from flowlik.results.runs import RunFolder
 from flowlik.support.progress import Progress

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.calibration import Block, ErrorSketch, Task, gather, sketch_blocks
-from flowlik.calibration.sketch_file import load_sketch, save_sketch
+from flowlik.calibration import Block, ErrorSketch, Task, gather, load_sketch, save_sketch, sketch_blocks
 from flowlik.datasets.base import frame_index
 from flowlik.geometry.camera import Pinhole
 from flowlik.support.files import atomic_write

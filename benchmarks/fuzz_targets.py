@@ -21,8 +21,8 @@ from tests.datasets.test_open_sequence import MAKERS
 from tests.odometry.test_ros_odometry import write_bag
 from tests.odometry.test_trajectory_covariance import steps
 
+from flowlik.calibration import load_sketch, save_sketch
 from flowlik.calibration.sketch import ErrorSketch
-from flowlik.calibration.sketch_file import load_sketch, save_sketch
 from flowlik.datasets import open_sequence
 from flowlik.datasets.base import read_grey
 from flowlik.datasets.camera_file import read_camera
@@ -38,9 +38,9 @@ from flowlik.likelihood.schedule import Index
 from flowlik.likelihood.shipped import shipped
 from flowlik.odometry.ros_odometry import read_odometry_bag, write_odometry_bag
 from flowlik.odometry.trajectory_covariance import (
+    _write_covariance_csv,
     read_covariance_csv,
     trajectory_covariance,
-    write_covariance_csv,
 )
 from flowlik.report._figures import render
 from flowlik.report._page import read_arrays, read_run
@@ -121,7 +121,7 @@ def _trajectory() -> tuple[Trajectory, list]:
 
 def _covariance(path: Path) -> None:
     trajectory, motions = _trajectory()
-    write_covariance_csv(path, trajectory_covariance(trajectory.timestamps, motions))
+    _write_covariance_csv(path, trajectory_covariance(trajectory.timestamps, motions))
 
 
 def _sketch(path: Path) -> None:

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from flowlik.calibration import ErrorSketch, fit, place_knots
+from flowlik.calibration import ErrorSketch, fit
+from flowlik.calibration._fit import place_knots
 from flowlik.errors import CalibrationError
 from flowlik.evaluation.likelihood import Counting, kolmogorov_smirnov, negative_log_likelihood
 from flowlik.likelihood.families import FAMILIES

@@ -5,13 +5,11 @@ from flowlik.calibration import (
     SCHEDULES,
     ErrorSketch,
     IndexForm,
-    Rows,
     fit_likelihood,
     index_form,
-    learn_index,
     schedule_index,
 )
-from flowlik.calibration.learn import _fit_weights
+from flowlik.calibration._learn import Rows, _fit_weights, learn_index
 from flowlik.errors import CalibrationError
 from flowlik.evaluation.likelihood import coverage, negative_log_likelihood
 from flowlik.flow import Farneback, LucasKanade
@@ -73,7 +71,7 @@ def test_the_gradient_is_the_objectives_derivative(monkeypatch, rows):
         caught.update(objective=lambda flat: objective(flat, *rows), start=start)
         raise StopIteration
 
-    monkeypatch.setattr("flowlik.calibration.learn.minimize", stop)
+    monkeypatch.setattr("flowlik.calibration._learn.minimize", stop)
     phi = np.log(np.stack([rows.covariates[name] for name in NAMES], axis=1))[:3000]
     phi = (phi - phi.mean(axis=0)) / phi.std(axis=0)
     with pytest.raises(StopIteration):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flowlik.calibration import Task, fit_likelihood, merge_all, pair_errors, sketch_blocks, split_blocks
-from flowlik.calibration.pairs import calibration_pixels
+from flowlik.calibration._pairs import calibration_pixels
 from flowlik.errors import CalibrationError
 from flowlik.flow import Farneback, LucasKanade, describe
 from flowlik.flow.base import DenseFlow

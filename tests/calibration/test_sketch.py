@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flowlik.calibration import ErrorSketch, merge_all
+from flowlik.calibration import ErrorSketch, load_sketch, merge_all, save_sketch
 from flowlik.calibration import sketch as bins
-from flowlik.calibration.sketch_file import load_sketch, save_sketch
 from flowlik.errors import CalibrationError, DataError
 from flowlik.likelihood.schedule import TEXTURE_RANGE, Index, Input, Term
 from flowlik.likelihood.tables import magnitude_nodes

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flowlik.flow.callable_flow import find
+from flowlik.flow._callable_flow import find
 from flowlik.likelihood.model_file import load_likelihood
 from flowlik.results.records import read_records, select
 from tests.cli.call import call, succeed

@@ -37,8 +37,8 @@ import json; print(json.dumps(sorted(m for m in sys.modules if "." not in m)))
 
 
 def test_what_is_completed_is_what_is_known():
+    from flowlik.calibration import SCHEDULES
     from flowlik.calibration.executors import EXECUTORS
-    from flowlik.calibration.schedules import SCHEDULES
     from flowlik.commands._odometry import ESTIMATORS
     from flowlik.datasets import FORMATS
     from flowlik.datasets.flow_png import PNG_CODINGS

@@ -1,11 +1,10 @@
 """A fixture for tests of whole commands, which are about the chain and not about its quality."""
 
-import sys
 from functools import partial
 
 import pytest
 
-import flowlik.calibration  # noqa: F401 (loads the module taken from sys.modules below)
+from flowlik.calibration import _fit, _learn
 from flowlik.evaluation.likelihood import _evidence as evidence
 from flowlik.evaluation.likelihood._goodness import block_interval
 from flowlik.report import _page as page
@@ -26,15 +25,13 @@ def cache_by_kind(render):
 @pytest.fixture(scope="package", autouse=True)
 def quick():
     """Fits of few iterations, intervals of few replicates, one figure of few pixels a kind."""
-    # the package's attribute of the name `fit` is the function
-    modules = [sys.modules[f"flowlik.calibration.{name}"] for name in ("fit", "learn")]
-    minimize = modules[0].minimize
+    minimize = _fit.minimize
 
     def minimize_a_little(*args, options, **keywords):
         return minimize(*args, options={**options, "maxiter": 15}, **keywords)
 
     with pytest.MonkeyPatch.context() as patch:
-        for module in modules:
+        for module in (_fit, _learn):
             patch.setattr(module, "minimize", minimize_a_little)
         patch.setattr("flowlik.calibration.run.choose_smoothing", lambda *_: 1e-5)
         patch.setattr("flowlik.commands._calibrate.BAND_REPLICATES", 2)

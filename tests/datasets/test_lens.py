@@ -310,7 +310,7 @@ def flight():
 
 def drift_and_coverage(sequence):
     """Drift [%] of odometry with depth, and the share of errors within their 90 % interval."""
-    from flowlik.calibration.pairs import pair_errors
+    from flowlik.calibration import pair_errors
     from flowlik.egomotion import lcmsac
     from flowlik.flow import confirmed_method
     from flowlik.likelihood.model_file import load_likelihood

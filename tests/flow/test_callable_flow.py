@@ -11,7 +11,6 @@ import flowlik
 from flowlik.errors import DataError, ModelError
 from flowlik.flow import (
     PRESETS,
-    CallableFeatures,
     CallableFlow,
     Farneback,
     LucasKanade,
@@ -21,8 +20,8 @@ from flowlik.flow import (
     flow_method,
     method_label,
 )
+from flowlik.flow._callable_flow import CallableFeatures, find
 from flowlik.flow.base import DenseFlow
-from flowlik.flow.callable_flow import find
 from flowlik.likelihood.model_file import load_likelihood, save_likelihood
 from flowlik.measurement.measurements import measure
 from tests.helpers import lcm_likelihood, textured_image

@@ -2,7 +2,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.geometry.motion import exp_se3
-from flowlik.odometry.constant_velocity import REMEMBERED, ConstantVelocity
+from flowlik.odometry._constant_velocity import REMEMBERED, ConstantVelocity
 
 MEAN = exp_se3(np.array([0.01, 0.0, 0.02, 0.1, 0.0, -0.5]))
 SIGMA = np.array([1e-3, 2e-3, 1e-3, 0.01, 0.02, 0.03])

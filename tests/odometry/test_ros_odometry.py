@@ -14,10 +14,10 @@ from flowlik.errors import DataError, MissingExtraError, MissingFieldError
 from flowlik.geometry.trajectory import Trajectory, chain
 from flowlik.odometry.ros_odometry import (
     R_LINK_OPTICAL,
+    _has_scale,
+    _ros_pose,
     bag_notes,
-    has_scale,
     read_odometry_bag,
-    ros_pose,
     write_odometry_bag,
 )
 from flowlik.odometry.trajectory_covariance import trajectory_covariance
@@ -207,12 +207,12 @@ def test_what_ros_reads_is_what_ros_means():
     """Position first, then turns about odom's fixed axes; x forward, y left, z up: held against samples."""
     motions = steps()
     covariance = trajectory_covariance(np.arange(7.0), motions).poses[-1]
-    pose, fixed = ros_pose(chain(m.T_k_prev for m in motions)[-1], covariance)
+    pose, fixed = _ros_pose(chain(m.T_k_prev for m in motions)[-1], covariance)
     link = RigidTransform.from_rotation(R_LINK_OPTICAL)
     others = link * sampled_poses(motions) * link.inv()
     turns = (others.rotation * pose.rotation.inv()).as_rotvec()
     check_spread(np.hstack([others.translation - pose.translation, turns]), fixed)
-    ahead, _ = ros_pose(RigidTransform.from_translation([1.0, 2.0, 3.0]), covariance)
+    ahead, _ = _ros_pose(RigidTransform.from_translation([1.0, 2.0, 3.0]), covariance)
     np.testing.assert_allclose(ahead.translation, [3.0, -1.0, -2.0])
 
 
@@ -325,5 +325,5 @@ def test_a_covariance_that_is_not_determined_is_a_large_variance(tmp_path):
 
 def test_a_standstill_needs_no_scale():
     still = replace(steps(1)[0], T_k_prev=RigidTransform.identity(), status=Status.STILL, scale_known=False)
-    assert has_scale([still, *steps(2)])
-    assert not has_scale([still, *unscaled_steps(1)])
+    assert _has_scale([still, *steps(2)])
+    assert not _has_scale([still, *unscaled_steps(1)])

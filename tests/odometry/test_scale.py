@@ -12,9 +12,9 @@ from flowlik.odometry.scale import (
     Norm,
     Stereo,
     Unscaled,
+    _stereo_disparity,
+    _triangulated,
     scale_source,
-    stereo_disparity,
-    triangulated,
 )
 from tests.helpers import textured_image
 
@@ -45,7 +45,7 @@ def street(height=1.65, seed=0):
 
 def test_depths_are_triangulated_in_units_of_the_motion():
     pixels, depth = street()
-    found, parallax = triangulated(measured(pixels, depth), CAMERA, UNIT)
+    found, parallax = _triangulated(measured(pixels, depth), CAMERA, UNIT)
     clear = parallax > 1
     np.testing.assert_allclose(found[clear] * LENGTH, depth[clear], rtol=1e-6)
 
@@ -84,7 +84,7 @@ class Pair:
 
 
 def test_stereo_gives_the_length():
-    disparity = stereo_disparity(Pair.left, Pair.right)
+    disparity = _stereo_disparity(Pair.left, Pair.right)
     assert np.nanmedian(disparity) == pytest.approx(Pair.disparity, abs=0.1)
     rng = np.random.default_rng(1)
     pixels = np.floor(rng.uniform([150, 10], [390, 190], (300, 2)))

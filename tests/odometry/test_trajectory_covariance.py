@@ -9,11 +9,11 @@ from flowlik.errors import DataError
 from flowlik.geometry.motion import exp_se3
 from flowlik.geometry.trajectory import Trajectory, chain
 from flowlik.odometry.trajectory_covariance import (
+    _write_covariance_csv,
+    _write_trajectory_npz,
     read_covariance_csv,
     trajectory_covariance,
     world_covariance,
-    write_covariance_csv,
-    write_trajectory_npz,
 )
 
 SIGMA = np.array([1e-3, 2e-3, 1.5e-3, 0.02, 0.01, 0.03])
@@ -68,7 +68,7 @@ def test_files(tmp_path):
     motions = steps()
     times = 1.7e9 + np.arange(7) / 30
     covariance = trajectory_covariance(times, motions)
-    write_covariance_csv(tmp_path / "covariance.csv", covariance)
+    _write_covariance_csv(tmp_path / "covariance.csv", covariance)
     read = read_covariance_csv(tmp_path / "covariance.csv")
     for name in ("timestamps", "poses", "motions"):
         np.testing.assert_array_equal(getattr(read, name), getattr(covariance, name))
@@ -76,7 +76,7 @@ def test_files(tmp_path):
     assert len(header) == 2 + 2 * 21
     assert (header[2], header[2 + 20], header[2 + 21]) == ("pose_rx_rx", "pose_tz_tz", "motion_rx_rx")
     trajectory = Trajectory(times, chain(m.T_k_prev for m in motions))
-    write_trajectory_npz(tmp_path / "t.npz", trajectory, covariance)
+    _write_trajectory_npz(tmp_path / "t.npz", trajectory, covariance)
     arrays = np.load(tmp_path / "t.npz")
     np.testing.assert_array_equal(arrays["T_n_c"], trajectory.poses.as_matrix())
     np.testing.assert_array_equal(arrays["pose_covariance"], covariance.poses)
@@ -85,7 +85,7 @@ def test_files(tmp_path):
 @pytest.mark.parametrize("damage", ["", "a,b\n1,2\n", "word"])
 def test_other_tables_are_refused(tmp_path, damage):
     path = tmp_path / "covariance.csv"
-    write_covariance_csv(path, trajectory_covariance(np.arange(2.0), steps(1)))
+    _write_covariance_csv(path, trajectory_covariance(np.arange(2.0), steps(1)))
     path.write_text(path.read_text().replace("0,0,", "0,word,", 1) if damage == "word" else damage)
     with pytest.raises(DataError, match=r"covariance\.csv: "):
         read_covariance_csv(path)

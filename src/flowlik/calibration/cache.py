@@ -10,8 +10,8 @@ from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
+from flowlik.calibration._sketch_file import LAYOUT, load_sketch, save_sketch
 from flowlik.calibration.sketch import ErrorSketch
-from flowlik.calibration.sketch_file import LAYOUT, load_sketch, save_sketch
 from flowlik.calibration.tasks import Block, Task
 from flowlik.errors import DataError
 from flowlik.flow.base import describe

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from flowlik.calibration._fit import choose_smoothing, fit, fit_constant
+from flowlik.calibration._pairs import calibration_pixels, pair_errors
 from flowlik.calibration.cache import SketchCache
-from flowlik.calibration.fit import choose_smoothing, fit, fit_constant
-from flowlik.calibration.pairs import calibration_pixels, pair_errors
 from flowlik.calibration.sketch import ErrorSketch, merge_all
 from flowlik.calibration.tasks import Block, Task
 from flowlik.datasets.base import ImageSequence, frame_pairs

@@ -10,7 +10,7 @@ from functools import reduce
 import numpy as np
 
 from flowlik.calibration._correlation import ScoreProducts, fit_correlation
-from flowlik.calibration.pairs import pair_errors
+from flowlik.calibration._pairs import pair_errors
 from flowlik.calibration.tasks import Block
 from flowlik.datasets.base import ImageSequence, frame_pairs
 from flowlik.errors import CalibrationError

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from flowlik.errors import ModelError
+from flowlik.flow._callable_flow import CallableFlow, brought, find
 from flowlik.flow.base import (
     DenseFlow,
     FlowMethod,
     FlowOfPairs,
     backward_method,
-    check_parameters,
     describe,
     method_for_pair,
 )
-from flowlik.flow.callable_flow import CallableFeatures, CallableFlow, brought, find
 from flowlik.flow.dis import DIS
 from flowlik.flow.farneback import Farneback
 from flowlik.flow.horn_schunck import HornSchunck
@@ -137,7 +137,7 @@ def _recorded(record: Mapping[str, Any]) -> FlowMethod:
     if not {"name", *parameters} <= set(describe(method)):
         raise ModelError(f"flow method {dict(record)}: not what a model file records of it")
     if name in METHODS:
-        check_parameters(method)
+        _check_parameters(method)
     return method
 
 
@@ -150,11 +150,26 @@ def _advice(record: Mapping[str, Any]) -> str:
     return "leave out --method"
 
 
+def _check_parameters(method: FlowMethod) -> None:
+    """Check that a built-in method's parameters are numbers below 1000 of their kinds."""
+    for f in fields(method):  # type: ignore[arg-type]
+        value, default = getattr(method, f.name), cast(Any, f.default)
+        kind = type(default)
+        if not (type(value) is kind or (kind is float and type(value) is int)):
+            raise ModelError(f"flow method {method.name}: {f.name} must be of {kind.__name__}, not {value!r}")
+        if kind is str and value not in f.metadata["choices"]:
+            known = ", ".join(f.metadata["choices"])
+            raise ModelError(f"flow method {method.name}: {f.name} must be one of {known}, not {value!r}")
+        if kind in (int, float) and not (0 < value < 1000 or (value == 0 and f.metadata.get("zero"))):
+            raise ModelError(
+                f"flow method {method.name}: {f.name} must be a positive number below 1000, not {value}"
+            )
+
+
 __all__ = [
     "DIS",
     "METHODS",
     "PRESETS",
-    "CallableFeatures",
     "CallableFlow",
     "DenseFlow",
     "Farneback",

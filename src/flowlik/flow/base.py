@@ -5,12 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.errors import DataError, ModelError
+from flowlik.errors import DataError
 from flowlik.image import _kernels
 from flowlik.support.arrays import Array
 
@@ -43,28 +43,6 @@ def describe(method: FlowMethod) -> dict[str, Any]:
     """Name and parameters of a method, as a model file records them."""
     recorded = [f.name for f in fields(method) if f.metadata.get("recorded", True)]  # type: ignore[arg-type]
     return {"name": method.name, **{name: getattr(method, name) for name in recorded}}
-
-
-def check_parameters(method: FlowMethod) -> None:
-    """Check that a built-in method's parameters are numbers below 1000 of their kinds.
-
-    Raises
-    ------
-    ModelError
-        If one is not.
-    """
-    for f in fields(method):  # type: ignore[arg-type]
-        value, default = getattr(method, f.name), cast(Any, f.default)
-        kind = type(default)
-        if not (type(value) is kind or (kind is float and type(value) is int)):
-            raise ModelError(f"flow method {method.name}: {f.name} must be of {kind.__name__}, not {value!r}")
-        if kind is str and value not in f.metadata["choices"]:
-            known = ", ".join(f.metadata["choices"])
-            raise ModelError(f"flow method {method.name}: {f.name} must be one of {known}, not {value!r}")
-        if kind in (int, float) and not (0 < value < 1000 or (value == 0 and f.metadata.get("zero"))):
-            raise ModelError(
-                f"flow method {method.name}: {f.name} must be a positive number below 1000, not {value}"
-            )
 
 
 class FlowOfPairs(ABC):

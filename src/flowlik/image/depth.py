@@ -39,11 +39,11 @@ def check_depth_z(depth_z: NDArray[np.floating]) -> None:
             f"depth must be metres along z in an array of floats, not {found}: divide a sensor's whole "
             "numbers by its units a metre (1000 where they are millimetres)"
         )
-    if doubt := depth_doubt(depth_z):
+    if doubt := _depth_doubt(depth_z):
         warnings.warn(doubt, ImplausibleDepthWarning, stacklevel=3)
 
 
-def depth_doubt(depth_z: NDArray[np.floating]) -> str | None:
+def _depth_doubt(depth_z: NDArray[np.floating]) -> str | None:
     """What is implausible in depth [m] of any shape, judged by some of its values; None if nothing is."""
     values = depth_z.ravel()[:: 1 + depth_z.size // LOOKED_AT]
     if not len(values):

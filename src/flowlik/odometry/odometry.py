@@ -16,8 +16,8 @@ from flowlik.geometry.camera import Pinhole
 from flowlik.image.depth import check_depth_z
 from flowlik.measurement.features import measure_features
 from flowlik.measurement.measurements import Measurements
+from flowlik.odometry._constant_velocity import ConstantVelocity
 from flowlik.odometry.boresight import Boresight
-from flowlik.odometry.constant_velocity import ConstantVelocity
 from flowlik.odometry.scale import Norm, ScaleSource, Unscaled
 from flowlik.odometry.self_calibration import Intrinsics, SelfCalibration
 from flowlik.support.arrays import Array
@@ -98,7 +98,7 @@ class Odometry:
 
         Where a motion cannot be solved its status says why; what is returned is then a prediction, said so:
         the previous motion, without information, with the covariance of a motion model
-        (`flowlik.odometry.constant_velocity`). The trajectory goes on from there.
+        (`flowlik.odometry._constant_velocity`). The trajectory goes on from there.
 
         Parameters
         ----------

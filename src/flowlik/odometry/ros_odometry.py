@@ -80,7 +80,7 @@ def write_odometry_bag(
     path = Path(path)
     if path.exists() and not (path / "metadata.yaml").is_file():
         raise DataError(f"{path}: holds something other than a ROS 2 bag")
-    told = _Told(trajectory, motions, unscaled or has_scale(motions))
+    told = _Told(trajectory, motions, unscaled or _has_scale(motions))
     partial = path.with_name(f".{path.name}.{uuid4().hex}.part")
     try:
         partial.parent.mkdir(parents=True, exist_ok=True)
@@ -143,7 +143,7 @@ def read_odometry_bag(path: Path | str, topic: str = TOPIC) -> tuple[Trajectory,
     return Trajectory(np.array(times), RigidTransform.concatenate(poses)), np.array(covariances)
 
 
-def ros_pose(T_n_c: RigidTransform, covariance: Array) -> tuple[RigidTransform, Array]:
+def _ros_pose(T_n_c: RigidTransform, covariance: Array) -> tuple[RigidTransform, Array]:
     """Pose of ``camera_link`` in ``odom``, and its covariance (6, 6) as ROS orders and frames it.
 
     Parameters
@@ -172,7 +172,7 @@ class _Told:
 
     def pose(self, k: int) -> tuple[Array, Array, Array]:
         """Position (3,) [m], quaternion x y z w, and covariance (6, 6) of ``camera_link`` in ``odom``."""
-        pose, covariance = ros_pose(self.trajectory.poses[k], self.covariance.poses[k])
+        pose, covariance = _ros_pose(self.trajectory.poses[k], self.covariance.poses[k])
         position, covariance = self._told(pose.translation, covariance)
         return position, pose.rotation.as_quat(), covariance
 
@@ -188,15 +188,15 @@ class _Told:
         if not self.metric:
             linear, covariance = np.zeros(3), covariance.copy()
             covariance[:3] = covariance[:, :3] = np.nan
-        return linear, with_unknown(covariance)
+        return linear, _with_unknown(covariance)
 
 
-def has_scale(motions: Sequence[EgoMotion]) -> bool:
+def _has_scale(motions: Sequence[EgoMotion]) -> bool:
     """Whether all motions that go anywhere are in metres."""
     return all(motion.scale_known or not np.any(motion.T_k_prev.translation) for motion in motions)
 
 
-def with_unknown(covariance: Array) -> Array:
+def _with_unknown(covariance: Array) -> Array:
     """Covariance (6, 6) in ROS's order, in which a half that is not determined has the variance `UNKNOWN`."""
     found = covariance.copy()
     for half in (slice(0, 3), slice(3, 6)):
@@ -210,12 +210,12 @@ def bag_notes(motions: Sequence[EgoMotion], unscaled: bool = False) -> list[str]
     """What a user of the bag that `write_odometry_bag` writes should know of it, a sentence each."""
     notes = []
     unknown = "variance 1e6"
-    if not has_scale(motions) and not unscaled:
+    if not _has_scale(motions) and not unscaled:
         notes.append(
             f"odometry_bag: no scale, so that only turns are told and positions are unknown ({unknown}); "
             "--scale gives one, --bag-unscaled writes steps of length 1"
         )
-    elif not has_scale(motions):
+    elif not _has_scale(motions):
         notes.append("odometry_bag: no scale, so that positions are in steps of length 1, not in metres")
     lost = next((k for k, m in enumerate(motions, start=1) if not np.isfinite(m.covariance).all()), None)
     if lost is not None:

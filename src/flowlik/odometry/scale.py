@@ -84,7 +84,7 @@ class CameraHeight:
         """Length [m] of the motion; None where fewer than 15 points of the road are seen."""
         rays = camera.rays(m.pixels)
         height = rays @ np.array([0.0, np.cos(self.pitch_rad), np.sin(self.pitch_rad)])
-        depth, parallax = triangulated(m, camera, T_k_prev)
+        depth, parallax = _triangulated(m, camera, T_k_prev)
         road = (height > BELOW_HORIZON) & (np.abs(rays[:, 0]) < LANE * height)
         road &= (parallax > LEAST_PARALLAX_PX) & (depth > 0)
         if road.sum() < LEAST_POINTS:
@@ -107,11 +107,11 @@ class Stereo:
 
     def length_m(self, k: int, m: Measurements, camera: Pinhole, T_k_prev: RigidTransform) -> float | None:
         """Length [m] of the motion; None where fewer than 15 points have a disparity and parallax."""
-        disparity = stereo_disparity(self.sequence.image(k - 1), self.sequence.right_image(k - 1))
+        disparity = _stereo_disparity(self.sequence.image(k - 1), self.sequence.right_image(k - 1))
         column, row = np.rint(m.pixels).astype(int).T
         inside = camera.contains(m.pixels)
         d = np.where(inside, disparity[np.where(inside, row, 0), np.where(inside, column, 0)], np.nan)
-        depth, parallax = triangulated(m, camera, T_k_prev)
+        depth, parallax = _triangulated(m, camera, T_k_prev)
         usable = (d > 1) & (parallax > LEAST_PARALLAX_PX) & (depth > 0)
         if usable.sum() < LEAST_POINTS:
             return None
@@ -163,7 +163,7 @@ def true_distance(sequence: ImageSequence, k: int) -> float:
     return float(np.linalg.norm(sequence.T_n_c(k).translation - sequence.T_n_c(k - 1).translation))
 
 
-def triangulated(m: Measurements, camera: Pinhole, T_k_prev: RigidTransform) -> tuple[Array, Array]:
+def _triangulated(m: Measurements, camera: Pinhole, T_k_prev: RigidTransform) -> tuple[Array, Array]:
     """Depths (N,) along z in image k - 1, in units of the motion's length, and parallaxes (N,) [px].
 
     The parallax is the part of the flow along the epipolar line that the rotation does not explain, in whose
@@ -181,7 +181,7 @@ def triangulated(m: Measurements, camera: Pinhole, T_k_prev: RigidTransform) -> 
     return depth, np.where(np.isfinite(parallax), parallax, 0.0)
 
 
-def stereo_disparity(left: Image, right: Image) -> Array:
+def _stereo_disparity(left: Image, right: Image) -> Array:
     """Disparity (H, W) [px] of the left image by OpenCV's semi-global matching; NaN where unknown."""
     sgbm: Any = cv2
     matcher = sgbm.StereoSGBM_create(

@@ -79,7 +79,7 @@ def chained(covariance: Array, motion: EgoMotion) -> Array:
     return np.asarray((total + total.T) / 2)
 
 
-def write_covariance_csv(path: Path | str, covariance: TrajectoryCovariance) -> None:
+def _write_covariance_csv(path: Path | str, covariance: TrajectoryCovariance) -> None:
     """Write covariances as CSV: one row a frame, the upper triangles of both matrices, row by row.
 
     ``pose_rx_tz`` is the covariance of rotation about x [rad] and translation along z [m] of the pose, and so
@@ -100,7 +100,7 @@ def write_covariance_csv(path: Path | str, covariance: TrajectoryCovariance) -> 
 
 
 def read_covariance_csv(path: Path | str) -> TrajectoryCovariance:
-    """Read what `write_covariance_csv` wrote.
+    """Read what `_write_covariance_csv` wrote.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def read_covariance_csv(path: Path | str) -> TrajectoryCovariance:
     return TrajectoryCovariance(table[:, 1], *matrices)
 
 
-def write_trajectory_npz(path: Path | str, trajectory: Trajectory, covariance: TrajectoryCovariance) -> None:
+def _write_trajectory_npz(path: Path | str, trajectory: Trajectory, covariance: TrajectoryCovariance) -> None:
     """Write ``timestamps_s`` (N,), ``T_n_c`` (N, 4, 4), ``pose_covariance`` and ``motion_covariance``.
 
     Raises
@@ -154,8 +154,8 @@ def write_covariance(folder: Path, trajectory: Trajectory, motions: Sequence[Ego
         If there is not one time more than motions, or the place cannot be written to.
     """
     covariance = trajectory_covariance(trajectory.timestamps, motions)
-    write_covariance_csv(folder / "covariance.csv", covariance)
-    write_trajectory_npz(folder / "trajectory.npz", trajectory, covariance)
+    _write_covariance_csv(folder / "covariance.csv", covariance)
+    _write_trajectory_npz(folder / "trajectory.npz", trajectory, covariance)
 
 
 def world_covariance(T_n_c: RigidTransform, covariance: Array) -> Array:

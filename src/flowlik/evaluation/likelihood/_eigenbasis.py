@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.calibration.fit import fit
+from flowlik.calibration import fit
 from flowlik.calibration.sketch import ErrorSketch, x_edges
 from flowlik.errors import CalibrationError
 from flowlik.evaluation.likelihood._evidence import Recorder

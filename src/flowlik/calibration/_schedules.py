@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flowlik.calibration.learn import Rows, learn_index
+from flowlik.calibration._learn import Rows, learn_index
 from flowlik.calibration.sketch import ErrorSketch, merge_all
 from flowlik.errors import CalibrationError
 from flowlik.flow.base import DenseFlow, FlowMethod

@@ -13,7 +13,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 from scipy.optimize import minimize
 
-from flowlik.calibration.fit import OUTER_QUANTILE, SMOOTHING_NAT, bend
+from flowlik.calibration._fit import OUTER_QUANTILE, SMOOTHING_NAT, bend
 from flowlik.calibration.sketch import ErrorSketch
 from flowlik.errors import CalibrationError
 from flowlik.likelihood.covariates import covariate
