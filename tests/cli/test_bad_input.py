@@ -50,7 +50,7 @@ def truncated_depth(folder):
 
 def wrong_columns(folder):
     (folder / "pose_lcam_front.txt").write_text("1 2 3 4 5 6\n" * 9)
-    return "poses need 7 columns x y z qx qy qz qw, found 6"
+    return "line 1: 6 columns, but expected 7 numbers (a TartanAir pose: x y z qx qy qz qw, axes NED)"
 
 
 def too_few_poses(folder):
