@@ -66,6 +66,9 @@ class Data(Options):
         Image of the size of the images as they are, white where pixels are used; `flowlik.datasets.masked`.
     resize : str, optional
         ``WIDTHxHEIGHT`` [px] or a factor of the images' size; `flowlik.datasets.resized`.
+    flow_png : str, optional
+        Coding of flow in PNG files that do not tell it themselves: a name in
+        `flowlik.datasets.flow_png.PNG_CODINGS`.
     skip_bad_frames : bool
         Go on over frames that are missing or unreadable, or whose time does not advance; the report tells
         which.
@@ -75,6 +78,7 @@ class Data(Options):
     camera: str | None = None
     mask: Path | None = None
     resize: str | None = None
+    flow_png: str | None = None
     skip_bad_frames: bool = False
 
     @property
@@ -94,16 +98,12 @@ class CalibrateOptions(Execution, Data):
         Family of the saved model; all are fitted, for comparison.
     schedule : str
         Schedule of the saved model, one of `flowlik.calibration.SCHEDULES`; the paper's is ``"texture"``.
-    flow_png : str, optional
-        Coding of flow in PNG files that do not tell it themselves: a name in
-        `flowlik.datasets.flow_png.PNG_CODINGS`.
     seed : int
         Seed of pixels and reservoirs.
     """
 
     family: str = BEST_FAMILY
     schedule: str = BEST_SCHEDULE
-    flow_png: str | None = None
     seed: int = 0
 
 
@@ -115,15 +115,11 @@ class EvaluateOptions(Execution, Data):
     ----------
     method : str, optional
         May only confirm the model's flow method; must, where that is an object or flow on disk.
-    flow_png : str, optional
-        Coding of flow in PNG files that do not tell it themselves: a name in
-        `flowlik.datasets.flow_png.PNG_CODINGS`.
     seed : int
         Seed of pixels and of the bootstrap.
     """
 
     method: str | None = None
-    flow_png: str | None = None
     seed: int = 0
 
 
@@ -138,9 +134,6 @@ class OdometryOptions(Data):
     method : str, optional
         Flow method for RANSAC without a model; beside a model it may only confirm it, and must
         where that is an object or flow on disk.
-    flow_png : str, optional
-        Coding of flow in PNG files that do not tell it themselves: a name in
-        `flowlik.datasets.flow_png.PNG_CODINGS`.
     estimator : {"lcmsac", "ransac", "mle"}
         Estimator.
     residual : {"depth", "epipolar"}, optional
@@ -182,7 +175,6 @@ class OdometryOptions(Data):
 
     model: Path | None = None
     method: str | None = None
-    flow_png: str | None = None
     estimator: str = "lcmsac"
     residual: str | None = None
     scale: str = "none"

@@ -12,7 +12,7 @@ from flowlik.egomotion.consensus import consensus
 from flowlik.egomotion.inlier_rules import ByComponent, InlierRule
 from flowlik.egomotion.maximise import maximise, refine, transform
 from flowlik.egomotion.moments import Moments, score_moments
-from flowlik.egomotion.observability import determines, judged, too_little
+from flowlik.egomotion.observability import judged, too_little
 from flowlik.egomotion.posterior import GaussianPrior
 from flowlik.egomotion.problem import Problem, View
 from flowlik.egomotion.residual import Residual
@@ -103,9 +103,9 @@ class Estimator:
         if found.T is None:
             return unsolved(Status.DEGENERATE, "no minimal sample has a solution", problem.excluded)
         # refine
-        T, log_prob = refine(problem, found.T)
+        errors, log_prob = refine(problem, found.T)
         # say how well the errors determine it
-        view = problem.at(T)
+        view = problem.look(errors)
         moments = score_moments(problem, view)
         # add what was believed before
         if prior is not None:
@@ -145,11 +145,10 @@ class Estimator:
     ) -> EgoMotion:  # fmt: skip
         basis, x = view.errors.basis, view.errors.x
         T = problem.residual.retract(view.errors.T, np.zeros(6))
-        determined = determines(moments.information, basis)
         return EgoMotion(
             T_k_prev=transform(T),
             information=moments.information,
-            covariance=moments.covariance(basis) if determined else np.full((6, 6), np.nan),
+            covariance=moments.covariance(basis),
             status=status,
             reason=reason,
             scale_known=problem.residual.metric,

@@ -84,10 +84,11 @@ def maximise(
     return T, float(log_prob)
 
 
-def refine(problem: Problem, T: Array) -> tuple[Array, float]:
+def refine(problem: Problem, T: Array) -> tuple[Linearised, float]:
     """Maximise over inliers, chosen anew until they settle, then over all components if the problem asks.
 
-    Which components count is decided at the motion given. Returns motion and log-density as `maximise`.
+    Which components count is decided at the motion given. Returns the errors at the motion found, and the
+    log-density there [nat].
     """
     view = problem.at(T)
     for _ in range(REFINEMENTS):
@@ -95,7 +96,10 @@ def refine(problem: Problem, T: Array) -> tuple[Array, float]:
         if T is view.errors.T:
             break
         view = problem.at(T, view.used)
-    return maximise(problem, view.errors, view.used) if problem.refine_all else (T, log_prob)
+    if not problem.refine_all:
+        return view.errors, log_prob
+    T, log_prob = maximise(problem, view.errors, view.used)
+    return problem.residual.at(T, problem.index), log_prob
 
 
 def transform(T: Array) -> RigidTransform:

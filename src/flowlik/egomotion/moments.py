@@ -31,7 +31,9 @@ class Moments(NamedTuple):
     sensitivity: Array
 
     def covariance(self, basis: Array) -> Array:
-        """Covariance (6, 6) of the motion within the observable directions (6, D)."""
+        """Covariance (6, 6) of the motion within the observable directions (6, D); NaN if one is open."""
+        if not determines(self.information, basis):
+            return np.full((6, 6), np.nan)
         return sandwich(self.sensitivity, self.variability, basis)
 
     def tempered(self, prior: GaussianPrior) -> Tempered:

@@ -94,7 +94,10 @@ class Problem:
 
     def at(self, T: Array, used: NDArray[np.bool_] | None = None, widened: float = 1.0) -> View:
         """Look at a motion (3, 4); which components count is decided there unless it is given."""
-        errors = self.residual.at(T, self.index)
+        return self.look(self.residual.at(T, self.index), used, widened)
+
+    def look(self, errors: Linearised, used: NDArray[np.bool_] | None = None, widened: float = 1.0) -> View:
+        """Look at errors, as `at` does at a motion."""
         bounds = self.bound(errors.x)
         if used is None:
             narrow = self.components & (bounds <= self.widest_px)
