@@ -11,11 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import PAPER_CAMERA, SimulatedSequence
-from flowlik.simulation.render.daylight import Daylight
-from flowlik.simulation.render.materials import Material, Surface
-from flowlik.simulation.render.meshes import quad
-from flowlik.simulation.render.prototypes import Instances, Prototype, placed
-from flowlik.simulation.render.scene import Scene
+from flowlik.simulation.render import Daylight, Instances, Material, Prototype, Scene, Surface, placed, quad
 
 # the oracle is the tests' own
 sys.path.append(str(Path(__file__).parents[1]))

@@ -10,10 +10,10 @@ from contextlib import contextmanager
 import numpy as np
 
 from flowlik.simulation import SimulatedSequence
-from flowlik.simulation.render import scene
+from flowlik.simulation.render import _scene as scene
 from flowlik.simulation.render._compile import kernel
-from flowlik.simulation.render.raster import frame as raster
-from flowlik.simulation.render.raster._visibility import SAMPLES, TILE, clear, draw
+from flowlik.simulation.render._raster import frame as raster
+from flowlik.simulation.render._raster._visibility import SAMPLES, TILE, clear, draw
 
 STAGES = [
     ("image", SimulatedSequence, "image"),

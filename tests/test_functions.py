@@ -11,7 +11,7 @@ SOURCE = Path(flowlik.__file__).parent
 LONGEST, MOST = 80, 8
 KERNELS = {"njit", "kernel", "inlined"}
 EXCEPTIONS = {
-    "simulation.flight.scenario.simulate": "what a script says of a flight in one line, by keyword",
+    "simulation.flight._scenario.simulate": "what a script says of a flight in one line, by keyword",
 }
 """Functions that are longer, or take more, and why. Numba's kernels and typer's commands need no entry."""
 

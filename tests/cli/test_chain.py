@@ -16,7 +16,7 @@ from flowlik.geometry.trajectory import Trajectory, read_kitti, read_tum, write_
 from flowlik.likelihood.model_file import load_likelihood
 from flowlik.odometry.trajectory_covariance import read_covariance_csv
 from flowlik.results.records import FILE_KEYS, read_records, select
-from flowlik.simulation.flight.trajectories import curve
+from flowlik.simulation.flight._trajectories import curve
 from tests.cli.call import call, succeed
 from tests.cli.conftest import METHODS, image_of
 

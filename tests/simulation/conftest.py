@@ -2,7 +2,7 @@ import pytest
 
 from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import IDEAL_SENSOR, Flight, PlanesWorld, SimulatedSequence
-from flowlik.simulation.flight.trajectories import straight, training
+from flowlik.simulation.flight._trajectories import straight, training
 
 
 @pytest.fixture(scope="session")

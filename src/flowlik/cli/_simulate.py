@@ -59,7 +59,7 @@ def run(
     Along real poses: `flowlik simulate driving --trajectory poses/00.txt --traffic 20 --out drive`
     """
     from flowlik.commands import simulate
-    from flowlik.simulation.flight.scenario import camera_of
+    from flowlik.simulation import camera_of
     from flowlik.support.progress import terminal_progress
 
     options = SimulateOptions(

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.geometry.camera import Pinhole
-from flowlik.simulation.base import Frame
+from flowlik.simulation._base import Frame
 from flowlik.support.arrays import Array
 
 WALL_Z_M, WALL_TOP_M = 20.0, -4.0

@@ -8,8 +8,8 @@ from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.trajectory import Trajectory, write_kitti, write_tum
 from flowlik.simulation import PAPER_CAMERA, WORLDS, simulate
-from flowlik.simulation.flight.scenario import camera_of
-from flowlik.simulation.flight.trajectories import curve
+from flowlik.simulation.flight import camera_of
+from flowlik.simulation.flight._trajectories import curve
 
 CAMERA = Pinhole.from_fov(64, 36, 100.0)
 

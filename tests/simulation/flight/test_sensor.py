@@ -11,9 +11,9 @@ from scipy.stats import chi2
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import IDEAL_SENSOR, Flight, PlanesWorld, Sensor, SimulatedSequence
-from flowlik.simulation.base import Frame
-from flowlik.simulation.flight.sensor import displayed, motion_blurred, noisy, point_spread, vignetted
-from flowlik.simulation.flight.trajectories import training
+from flowlik.simulation._base import Frame
+from flowlik.simulation.flight._sensor import displayed, motion_blurred, noisy, point_spread, vignetted
+from flowlik.simulation.flight._trajectories import training
 from tests.simulation.flight.moving import MovingWorld
 
 CAMERA = Pinhole(120, 80, 100.0, 100.0, 59.5, 39.5)

@@ -14,7 +14,7 @@ from flowlik.datasets.base import true_flow
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import IDEAL_SENSOR, Flight, PlanesWorld, Sensor, SimulatedSequence, simulate
-from flowlik.simulation.flight.trajectories import straight
+from flowlik.simulation.flight._trajectories import straight
 
 
 def depth_smooth(depth: NDArray[np.float64]) -> NDArray[np.bool_]:

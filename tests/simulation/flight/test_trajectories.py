@@ -2,15 +2,8 @@ import numpy as np
 import pytest
 
 from flowlik.errors import DataError
-from flowlik.simulation.flight.trajectories import (
-    TRAJECTORIES,
-    curve,
-    forest_fig8,
-    hover,
-    lap_frames,
-    straight,
-    training,
-)
+from flowlik.simulation.flight import TRAJECTORIES, lap_frames
+from flowlik.simulation.flight._trajectories import curve, forest_fig8, hover, straight, training
 from flowlik.simulation.worlds.paths import LOOP_LENGTH_M, keep_free
 
 

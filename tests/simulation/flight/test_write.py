@@ -234,9 +234,9 @@ def test_frames_are_written_while_the_next_ones_are_rendered(
     sequence: SimulatedSequence, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Slow writing does not add up with rendering, and no more than a frame waits to be written."""
-    from flowlik.simulation.flight import write
+    from flowlik.simulation.flight import _write
 
-    write_png, on_their_way = write._write_png, []
+    write_png, on_their_way = _write._write_png, []
 
     def slow(path: Path, pixels: np.ndarray) -> None:
         time.sleep(0.02)
@@ -247,7 +247,7 @@ def test_frames_are_written_while_the_next_ones_are_rendered(
             on_their_way.append(k * 3 - len(list(tmp_path.rglob("*.png"))))
             yield k
 
-    monkeypatch.setattr(write, "_write_png", slow)
+    monkeypatch.setattr(_write, "_write_png", slow)
     write_sequence(sequence, tmp_path / "flight", progress)
     assert 0 < max(on_their_way) <= 6
     assert len(list(tmp_path.rglob("*.png"))) == 8

@@ -3,12 +3,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.geometry.camera import Pinhole
+from flowlik.simulation.render import Daylight, Instances, Material, Scene, Surface, pack_shapes, placed
 from flowlik.simulation.render._detail import drawn_leaves
-from flowlik.simulation.render.daylight import Daylight
-from flowlik.simulation.render.materials import Material, Surface
-from flowlik.simulation.render.prototypes import Instances, placed
-from flowlik.simulation.render.raster.packed import pack_shapes
-from flowlik.simulation.render.scene import Scene
 from tests.simulation.render.raster.small_scene import tree
 
 DISTANCES_M = np.geomspace(0.5, 300, 200)

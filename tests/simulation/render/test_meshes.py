@@ -1,7 +1,6 @@
 import numpy as np
 
-from flowlik.simulation.render.meshes import box, quad, tube
-from flowlik.simulation.render.prototypes import Mesh
+from flowlik.simulation.render import Mesh, box, quad, tube
 
 
 def areas(mesh: Mesh) -> np.ndarray:

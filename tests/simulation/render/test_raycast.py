@@ -5,10 +5,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.geometry.camera import Pinhole
-from flowlik.simulation.render.daylight import Daylight
-from flowlik.simulation.render.materials import Material, Surface
-from flowlik.simulation.render.prototypes import Instances, Mesh, Prototype, placed
-from flowlik.simulation.render.scene import Scene
+from flowlik.simulation.render import Daylight, Instances, Material, Mesh, Prototype, Scene, Surface, placed
 from tests.simulation.render.embree import agreement, cast
 from tests.simulation.render.raster.small_scene import make_scene
 

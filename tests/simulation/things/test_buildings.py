@@ -1,20 +1,25 @@
 import numpy as np
 import pytest
 
-from flowlik.simulation.render.prototypes import Mesh
-from flowlik.simulation.render.textures._built import BUILT_TILES
-from flowlik.simulation.render.textures.noise import TILE_PX
-from flowlik.simulation.things._walls import FRAME, PANE, Plane, pierced_wall
-from flowlik.simulation.things.buildings import STOREY_M, facade_block, house
-from flowlik.simulation.things.enclosures import fence, garden_wall, hedge, railing
-from flowlik.simulation.things.furniture import (
+from flowlik.simulation._noise import TILE_PX
+from flowlik.simulation.render import Mesh
+from flowlik.simulation.render._textures._built import BUILT_TILES
+from flowlik.simulation.things import (
     billboard,
     bollard,
+    facade_block,
+    fence,
     gantry,
+    garden_wall,
     guard_rail,
+    hedge,
+    house,
+    railing,
     street_lamp,
     traffic_sign,
 )
+from flowlik.simulation.things._buildings import STOREY_M
+from flowlik.simulation.things._walls import FRAME, PANE, Plane, pierced_wall
 from flowlik.support.arrays import Array
 
 WALL, ROOF, WINDOW = 0, 1, 2

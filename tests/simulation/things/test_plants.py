@@ -3,10 +3,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from flowlik.simulation.render.prototypes import Prototype
+from flowlik.simulation.render import Prototype
+from flowlik.simulation.things import broadleaf, bush, conifer, fern, grass_tuft, rock
 from flowlik.simulation.things._leaves import BLADE, CLUSTER, LANCEOLATE, LOBED, NEEDLES, OVATE, PALMATE
-from flowlik.simulation.things.plants import broadleaf, bush, conifer, fern, grass_tuft
-from flowlik.simulation.things.rocks import rock
 
 BARK, LEAF = 3, 5
 Maker = Callable[[np.random.Generator], Prototype]

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from flowlik.simulation.render.prototypes import Mesh
-from flowlik.simulation.things.vehicles import SHADOW_HEIGHT_M, Maker, car, lorry, van
+from flowlik.simulation.render import Mesh
+from flowlik.simulation.things import Maker, car, lorry, van
+from flowlik.simulation.things._vehicles import SHADOW_HEIGHT_M
 
 PAINT, GLASS, TYRE, SHADOW = range(4)
 SIZES_M = {car: (3.5, 5.0, 1.3, 1.65), van: (4.4, 5.7, 1.8, 2.3), lorry: (7.0, 10.5, 3.1, 3.8)}

@@ -65,7 +65,7 @@ def blur_rows(first, last, radiance, depth, movers, camera, rotations, translati
     first, last : int
         First row, and the row after the last.
     radiance, depth, movers : arrays (H, W)
-        As in `flowlik.simulation.base.Frame`; movers -1 everywhere if nothing moves.
+        As in `flowlik.simulation._base.Frame`; movers -1 everywhere if nothing moves.
     camera : array (4,)
         fx, fy, cx, cy [px].
     rotations, translations : arrays (1 + M, 3, 3), (1 + M, 3)

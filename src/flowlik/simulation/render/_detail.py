@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.simulation.render.prototypes import Instances
-from flowlik.simulation.render.raster.packed import Shapes
+from flowlik.simulation.render._prototypes import Instances
+from flowlik.simulation.render._raster.packed import Shapes
 from flowlik.support.arrays import Array
 
 FINE_PX = (4.0, 8.0)

@@ -1,6 +1,6 @@
 """Shapes of leaves, and leaves along twigs.
 
-Leaf coordinates are those of `flowlik.simulation.render.prototypes.LeafShape`.
+Leaf coordinates are those of `flowlik.simulation.render.LeafShape`.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flowlik.simulation.render.prototypes import Foliage, LeafShape
+from flowlik.simulation.render import Foliage, LeafShape
 from flowlik.simulation.things._vectors import UP, unit
 from flowlik.support.arrays import Array
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flowlik.simulation.render.meshes import box
-from flowlik.simulation.render.prototypes import Mesh
+from flowlik.simulation.render import Mesh, box
 from flowlik.simulation.things._vectors import UP
 from flowlik.support.arrays import Array
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flowlik.simulation.render.meshes import lattice
-from flowlik.simulation.render.prototypes import Mesh
+from flowlik.simulation.render import Mesh, lattice
 from flowlik.simulation.things._vectors import UP, unit
 from flowlik.support.arrays import Array
 

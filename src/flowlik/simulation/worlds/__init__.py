@@ -1,1 +1,1 @@
-"""The worlds, one folder each; `world` is its face. None imports another."""
+"""The worlds, one folder each. None imports another."""

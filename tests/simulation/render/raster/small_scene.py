@@ -4,11 +4,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.geometry.camera import Pinhole
-from flowlik.simulation.render.daylight import Daylight
-from flowlik.simulation.render.materials import Layer, Material, Surface
-from flowlik.simulation.render.meshes import box, lattice, tube
-from flowlik.simulation.render.prototypes import Foliage, Instances, LeafShape, Mesh, Prototype, placed
-from flowlik.simulation.render.scene import Scene
+from flowlik.simulation.render import (
+    Daylight,
+    Foliage,
+    Instances,
+    Layer,
+    LeafShape,
+    Material,
+    Mesh,
+    Prototype,
+    Scene,
+    Surface,
+    box,
+    lattice,
+    placed,
+    tube,
+)
 from flowlik.support.arrays import Array
 
 CAMERA = Pinhole.from_fov(96, 64, 100.0)

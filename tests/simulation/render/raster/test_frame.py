@@ -5,12 +5,18 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.geometry.camera import Pinhole
-from flowlik.simulation.render.daylight import Daylight
-from flowlik.simulation.render.materials import Material, Surface
-from flowlik.simulation.render.meshes import quad
-from flowlik.simulation.render.prototypes import Instances, Mesh, Prototype, placed
-from flowlik.simulation.render.raster.frame import triangles_of
-from flowlik.simulation.render.scene import Scene
+from flowlik.simulation.render import (
+    Daylight,
+    Instances,
+    Material,
+    Mesh,
+    Prototype,
+    Scene,
+    Surface,
+    placed,
+    quad,
+)
+from flowlik.simulation.render._raster.frame import triangles_of
 from flowlik.support import threads
 from tests.simulation.render.raster.small_scene import CAMERA, make_scene
 

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from flowlik.errors import DataError
-from flowlik.simulation.render.textures._natural import NATURAL_TILES
-from flowlik.simulation.render.textures.noise import TILE_PX
-from flowlik.simulation.render.textures.tiles import TILES, make_tiles
+from flowlik.simulation._noise import TILE_PX
+from flowlik.simulation.render._textures._natural import NATURAL_TILES
+from flowlik.simulation.render._textures.tiles import TILES, make_tiles
 
 
 @pytest.fixture(scope="module", params=sorted(NATURAL_TILES))

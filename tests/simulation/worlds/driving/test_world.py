@@ -7,12 +7,12 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
-from flowlik.simulation.base import Frame
-from flowlik.simulation.worlds.driving import world as driving
+from flowlik.simulation._base import Frame
+from flowlik.simulation.worlds.driving import DrivingWorld
+from flowlik.simulation.worlds.driving import _world as driving
 from flowlik.simulation.worlds.driving._kinds import make_kinds
 from flowlik.simulation.worlds.driving._places import Footprints
 from flowlik.simulation.worlds.driving._route import CAMERA_HEIGHT_M, Route
-from flowlik.simulation.worlds.driving.world import DrivingWorld
 from flowlik.support.arrays import Array
 
 CAMERA = Pinhole(240, 72, 139.4, 139.4, 117.8, 33.4)

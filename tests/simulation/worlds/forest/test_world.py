@@ -6,12 +6,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
-from flowlik.simulation.flight.trajectories import curve, straight, training
-from flowlik.simulation.render.daylight import Daylight
-from flowlik.simulation.render.prototypes import Prototype
-from flowlik.simulation.render.textures.tiles import TILES
+from flowlik.simulation.flight._trajectories import curve, straight, training
+from flowlik.simulation.render import Daylight, Prototype
+from flowlik.simulation.render._textures.tiles import TILES
+from flowlik.simulation.worlds.forest import ForestWorld
 from flowlik.simulation.worlds.forest._kinds import MATERIALS, make_kinds
-from flowlik.simulation.worlds.forest.world import ForestWorld
 from flowlik.simulation.worlds.paths import FREE_RADIUS_M, keep_free
 from flowlik.support.arrays import Array
 

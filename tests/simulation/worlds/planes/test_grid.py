@@ -5,7 +5,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import GridWorld, PlanesWorld
-from flowlik.simulation.flight.trajectories import TRAJECTORIES
+from flowlik.simulation.flight import TRAJECTORIES
 
 
 def facing(position_m: list[float], axis: str, degrees: float) -> RigidTransform:

@@ -5,12 +5,13 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import IDEAL_SENSOR
-from flowlik.simulation.flight.trajectories import TRAJECTORIES, training
-from flowlik.simulation.render.textures.noise import TILE_PX
+from flowlik.simulation._noise import TILE_PX
+from flowlik.simulation.flight import TRAJECTORIES
+from flowlik.simulation.flight._trajectories import training
+from flowlik.simulation.worlds.planes import PlanesWorld
 from flowlik.simulation.worlds.planes._hall import DISPLAY_GAMMA, HALL_HIGH_M, HALL_LOW_M
 from flowlik.simulation.worlds.planes._rectangles import distances_m, pixel_bounds
 from flowlik.simulation.worlds.planes._textures import make_textures
-from flowlik.simulation.worlds.planes.world import PlanesWorld
 
 TILTED = RigidTransform.from_components(
     [1.3, -0.4, 20.0], Rotation.from_euler("YXZ", [25, -12, 8], degrees=True)

@@ -12,8 +12,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.simulation.render.meshes import lattice
-from flowlik.simulation.render.prototypes import Mesh
+from flowlik.simulation.render import Mesh, lattice
 from flowlik.simulation.worlds.driving._roads import Roads, height_samples, smooth_heights
 from flowlik.support.arrays import Array
 

@@ -8,19 +8,30 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.simulation.render.prototypes import Mesh, Prototype
-from flowlik.simulation.things.buildings import facade_block, house
-from flowlik.simulation.things.enclosures import OVAL, fence, garden_wall, hedge, railing
-from flowlik.simulation.things.furniture import (
+from flowlik.simulation.render import Mesh, Prototype
+from flowlik.simulation.things import (
+    OVAL,
+    Maker,
     billboard,
     bollard,
+    broadleaf,
+    bush,
+    car,
+    conifer,
+    facade_block,
+    fence,
     gantry,
+    garden_wall,
+    grass_tuft,
     guard_rail,
+    hedge,
+    house,
+    lorry,
+    railing,
     street_lamp,
     traffic_sign,
+    van,
 )
-from flowlik.simulation.things.plants import broadleaf, bush, conifer, grass_tuft
-from flowlik.simulation.things.vehicles import Maker, car, lorry, van
 from flowlik.simulation.worlds.driving._materials import POSTER_PERIOD_M, material
 from flowlik.support.arrays import Array
 

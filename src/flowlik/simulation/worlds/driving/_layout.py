@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flowlik.simulation.render.prototypes import Instances
+from flowlik.simulation.render import Instances
 from flowlik.simulation.worlds.driving._ground import SQUARE_M, Square, square_of
 from flowlik.simulation.worlds.driving._kinds import Kinds
 from flowlik.simulation.worlds.driving._open import furnish_open_road

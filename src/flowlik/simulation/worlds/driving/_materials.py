@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flowlik.simulation.render.materials import Layer, Material, Surface
+from flowlik.simulation.render import Layer, Material, Surface
 
 POSTER_PERIOD_M = 4.0
 """Period of the tile of signs and posters."""

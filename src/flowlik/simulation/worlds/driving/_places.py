@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from flowlik.simulation.render.prototypes import Instances, Prototype
+from flowlik.simulation.render import Instances, Prototype
 from flowlik.simulation.worlds.driving._ground import Ground
 from flowlik.support.arrays import Array
 

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.simulation.render.prototypes import Mesh
+from flowlik.simulation.render import Mesh
 from flowlik.simulation.worlds.driving._ground import CELL_M, CELLS, SQUARE_M, Ground, Square
 from flowlik.simulation.worlds.driving._profiles import Marking
 from flowlik.support.arrays import Array

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.spatial import cKDTree
 
-from flowlik.simulation.render.meshes import lattice
-from flowlik.simulation.render.prototypes import Mesh
+from flowlik.simulation.render import Mesh, lattice
 from flowlik.simulation.worlds.forest._terrain import CENTRE_M, Lattice, Terrain, smooth_step, waves
 from flowlik.support.arrays import Array
 

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from flowlik.simulation.render.materials import Layer, Material, Surface
-from flowlik.simulation.render.prototypes import Prototype
-from flowlik.simulation.things.buildings import house
-from flowlik.simulation.things.plants import broadleaf, bush, conifer, fern, grass_tuft
-from flowlik.simulation.things.rocks import rock
+from flowlik.simulation.render import Layer, Material, Prototype, Surface
+from flowlik.simulation.things import broadleaf, bush, conifer, fern, grass_tuft, house, rock
 
 
 def _bark(reflectance: float, texture: str, contrast: float) -> Material:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flowlik.errors import DataError
-from flowlik.simulation.render.prototypes import Prototype, placed
+from flowlik.simulation.render import Prototype, placed
 from flowlik.simulation.worlds.forest._terrain import CENTRE_M, Terrain
 from flowlik.simulation.worlds.paths import FREE_RADIUS_M
 from flowlik.support.arrays import Array

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flowlik.simulation.render.prototypes import Prototype
+from flowlik.simulation.render import Prototype
 from flowlik.simulation.worlds.forest._layout import Density, Hull, Sort, strewn
 from flowlik.simulation.worlds.forest._terrain import CENTRE_M, Terrain, waves
 from flowlik.support.arrays import Array

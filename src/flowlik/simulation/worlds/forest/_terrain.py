@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from flowlik.errors import DataError
-from flowlik.simulation.render.meshes import lattice
-from flowlik.simulation.render.prototypes import Mesh
+from flowlik.simulation.render import Mesh, lattice
 from flowlik.simulation.worlds.paths import figure_eight, keep_free
 from flowlik.support.arrays import Array
 

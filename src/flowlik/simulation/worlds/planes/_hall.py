@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.geometry.camera import Pinhole
-from flowlik.simulation.base import Frame, SentAsParameters
+from flowlik.simulation._base import Frame, SentAsParameters
 from flowlik.simulation.worlds.paths import FREE_RADIUS_M, keep_free
 from flowlik.simulation.worlds.planes._kernels import render_rectangles
 from flowlik.simulation.worlds.planes._rectangles import (

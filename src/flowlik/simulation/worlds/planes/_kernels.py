@@ -112,7 +112,7 @@ def render_rectangles(
     tile_px, contrast_px : int
         Finest size of a tile and of a contrast map.
     pyramids, offsets, contrasts : arrays
-        As in `flowlik.simulation.render.textures.noise.Textures`.
+        As in `flowlik.simulation._noise.Textures`.
     radiance, depth : arrays (H, W)
         Written: mean grey over the samples; depth [m] at the pixel centre, inf where there is nothing.
     """

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.simulation.render.textures.noise import TILE_PX, noise, pyramid, standardised
+from flowlik.simulation._noise import TILE_PX, noise, pyramid, standardised
 
 CONTRAST_PX = 256
 TILES = 6

@@ -12,40 +12,40 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.trajectory import FRAME_RATE, read_trajectory
-from flowlik.simulation.base import World
-from flowlik.simulation.flight.sensor import DEFAULT_SENSOR, Sensor
-from flowlik.simulation.flight.sequence import PAPER_CAMERA, SimulatedSequence
-from flowlik.simulation.flight.trajectories import TRAJECTORIES, Flight
+from flowlik.simulation._base import World
+from flowlik.simulation.flight._sensor import DEFAULT_SENSOR, Sensor
+from flowlik.simulation.flight._sequence import PAPER_CAMERA, SimulatedSequence
+from flowlik.simulation.flight._trajectories import TRAJECTORIES, Flight
 
 # Imports stand inside the builders: each world compiles and loads much that the others do not need.
 
 
 def _planes(seed: int, poses: RigidTransform) -> World:
-    from flowlik.simulation.worlds.planes.world import PlanesWorld
+    from flowlik.simulation.worlds.planes import PlanesWorld
 
     return PlanesWorld(seed)
 
 
 def _grid(seed: int, poses: RigidTransform) -> World:
-    from flowlik.simulation.worlds.planes.grid import GridWorld
+    from flowlik.simulation.worlds.planes import GridWorld
 
     return GridWorld(seed)
 
 
 def _forest(seed: int, poses: RigidTransform) -> World:
-    from flowlik.simulation.worlds.forest.world import ForestWorld
+    from flowlik.simulation.worlds.forest import ForestWorld
 
     return ForestWorld(seed)
 
 
 def _small_forest(seed: int, poses: RigidTransform) -> World:
-    from flowlik.simulation.worlds.forest.world import ForestWorld
+    from flowlik.simulation.worlds.forest import ForestWorld
 
     return ForestWorld.small(seed)
 
 
 def _driving(seed: int, poses: RigidTransform, **parameters: Any) -> World:
-    from flowlik.simulation.worlds.driving.world import DrivingWorld
+    from flowlik.simulation.worlds.driving import DrivingWorld
 
     return DrivingWorld.along(poses, seed, **parameters)
 
@@ -144,7 +144,7 @@ def _default_camera(world: str) -> Pinhole:
     """Camera of a world by name: KITTI's in `driving`, else the paper's."""
     if world != "driving":
         return PAPER_CAMERA
-    from flowlik.simulation.worlds.driving.world import KITTI_CAMERA
+    from flowlik.simulation.worlds.driving import KITTI_CAMERA
 
     return KITTI_CAMERA
 

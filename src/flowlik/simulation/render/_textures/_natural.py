@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft2
 
-from flowlik.simulation.render.textures.noise import TILE_PX, Tile, noise, standardised
+from flowlik.simulation._noise import TILE_PX, Tile, noise, standardised
 from flowlik.support.arrays import Array
 
 _CENTRES = np.array([[i, j] for i in (-1, 0, 1) for j in (-1, 0, 1)]) * TILE_PX

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flowlik.simulation.render._compile import inlined, kernel
-from flowlik.simulation.render.prototypes import Floats
-from flowlik.simulation.render.raster.packed import Ints32
+from flowlik.simulation.render._prototypes import Floats
+from flowlik.simulation.render._raster.packed import Ints32
 from flowlik.support.arrays import Array
 
 TILE = 32

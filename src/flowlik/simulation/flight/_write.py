@@ -14,7 +14,7 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.datasets.tartanair_files import encode_depth, encode_flow, encode_poses
 from flowlik.errors import DataError
-from flowlik.simulation.flight.sequence import SimulatedSequence
+from flowlik.simulation.flight._sequence import SimulatedSequence
 from flowlik.support.files import atomic_write
 
 MOST_MOVERS = 255

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.errors import DataError
-from flowlik.simulation.render.textures._built import BUILT_TILES
-from flowlik.simulation.render.textures._natural import NATURAL_TILES
-from flowlik.simulation.render.textures.noise import TILE_PX, pyramid
+from flowlik.simulation._noise import TILE_PX, pyramid
+from flowlik.simulation.render._textures._built import BUILT_TILES
+from flowlik.simulation.render._textures._natural import NATURAL_TILES
 from flowlik.support.threads import in_bands
 
 TILES: dict[str, Callable[[np.random.Generator], NDArray[np.float32]]] = {**NATURAL_TILES, **BUILT_TILES}

@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.geometry.camera import Pinhole
-from flowlik.simulation.base import Frame
+from flowlik.simulation._base import Frame
+from flowlik.simulation.render._daylight import Daylight
 from flowlik.simulation.render._detail import THIN_PX, drawn_leaves, drawn_wood
-from flowlik.simulation.render.daylight import Daylight
-from flowlik.simulation.render.materials import Material
-from flowlik.simulation.render.prototypes import Instances, Prototype
-from flowlik.simulation.render.raster.distances import distances_m
-from flowlik.simulation.render.raster.frame import render_frame, triangles_of
-from flowlik.simulation.render.raster.packed import Drawn, Looks, Shapes, pack_looks, pack_shapes, tile_names
-from flowlik.simulation.render.raster.shadows import TEXELS, Shadows, no_shadows, shadow_map
-from flowlik.simulation.render.textures.tiles import make_tiles
+from flowlik.simulation.render._materials import Material
+from flowlik.simulation.render._prototypes import Instances, Prototype
+from flowlik.simulation.render._raster.distances import distances_m
+from flowlik.simulation.render._raster.frame import render_frame, triangles_of
+from flowlik.simulation.render._raster.packed import Drawn, Looks, Shapes, pack_looks, pack_shapes, tile_names
+from flowlik.simulation.render._raster.shadows import TEXELS, Shadows, no_shadows, shadow_map
+from flowlik.simulation.render._textures.tiles import make_tiles
 from flowlik.support.arrays import Array
 
 FAR_M = 10.0

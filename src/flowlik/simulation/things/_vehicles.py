@@ -12,8 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.simulation.render.meshes import box, lattice, quad, tube
-from flowlik.simulation.render.prototypes import Mesh
+from flowlik.simulation.render import Mesh, box, lattice, quad, tube
 from flowlik.simulation.things._bodies import ESTATE, HATCHBACK, SALOON, VAN, Body
 from flowlik.support.arrays import Array
 

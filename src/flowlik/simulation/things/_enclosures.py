@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flowlik.simulation.render.meshes import box, quad
-from flowlik.simulation.render.prototypes import Foliage, LeafShape, Mesh, Prototype
+from flowlik.simulation.render import Foliage, LeafShape, Mesh, Prototype, box, quad
 from flowlik.simulation.things._walls import UNDERGROUND_M, sides
 
 OVAL = LeafShape(

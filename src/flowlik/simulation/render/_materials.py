@@ -12,7 +12,7 @@ class Layer:
     Parameters
     ----------
     texture : str
-        Name of a tile in `flowlik.simulation.render.textures.tiles`.
+        Name of a tile in `flowlik.simulation.render._textures.tiles`.
     period_m : float
         Size of one tile [m].
     amplitude : float

@@ -5,8 +5,8 @@
 import numpy as np
 
 from flowlik.simulation.render._compile import inlined, kernel
-from flowlik.simulation.render.raster._corners import STEP
-from flowlik.simulation.render.raster.packed import OUTLINE
+from flowlik.simulation.render._raster._corners import STEP
+from flowlik.simulation.render._raster.packed import OUTLINE
 
 _NEAR_M = 0.02
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from flowlik.simulation.render.raster._distance import nearest_surface
-from flowlik.simulation.render.raster.packed import Drawn, Shapes
+from flowlik.simulation.render._raster._distance import nearest_surface
+from flowlik.simulation.render._raster.packed import Drawn, Shapes
 from flowlik.support.arrays import Array
 from flowlik.support.threads import in_bands
 

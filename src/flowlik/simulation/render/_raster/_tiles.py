@@ -5,10 +5,10 @@
 import numpy as np
 
 from flowlik.simulation.render._compile import kernel
-from flowlik.simulation.render.raster._corners import STEP
-from flowlik.simulation.render.raster._shading import exact_depth, leaf_spot, leaf_tone, ray, shade_mesh, sky
-from flowlik.simulation.render.raster._visibility import OFFSETS_X, OFFSETS_Y, SAMPLES, TILE, clear, draw
-from flowlik.simulation.render.raster.packed import OUTLINE
+from flowlik.simulation.render._raster._corners import STEP
+from flowlik.simulation.render._raster._shading import exact_depth, leaf_spot, leaf_tone, ray, shade_mesh, sky
+from flowlik.simulation.render._raster._visibility import OFFSETS_X, OFFSETS_Y, SAMPLES, TILE, clear, draw
+from flowlik.simulation.render._raster.packed import OUTLINE
 
 
 @kernel
@@ -25,7 +25,7 @@ def render_tiles(
     starts, lists : arrays (tiles + 1,), (entries,)
         Triangles of each tile, near copies first.
     screen, owner : arrays
-        As `flowlik.simulation.render.raster._screen.to_screen` wrote them.
+        As `flowlik.simulation.render._raster._screen.to_screen` wrote them.
     tones : array (K,) float32
         Radiance of the leaves found so far, by triangle; negative where not yet found.
     samples : bool

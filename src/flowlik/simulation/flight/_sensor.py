@@ -16,7 +16,7 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
-from flowlik.simulation.base import Frame
+from flowlik.simulation._base import Frame
 from flowlik.simulation.flight._blur import blur_rows
 from flowlik.support.threads import in_bands
 

@@ -11,11 +11,20 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
-from flowlik.simulation.base import Frame, SentAsParameters
-from flowlik.simulation.render.daylight import Daylight
-from flowlik.simulation.render.prototypes import Instances, Mesh, Prototype, placed
-from flowlik.simulation.render.raster.packed import Shapes, pack_shapes
-from flowlik.simulation.render.scene import FAR_M, Scene, bounding_spheres, clearance
+from flowlik.simulation._base import Frame, SentAsParameters
+from flowlik.simulation.render import (
+    FAR_M,
+    Daylight,
+    Instances,
+    Mesh,
+    Prototype,
+    Scene,
+    Shapes,
+    bounding_spheres,
+    clearance,
+    pack_shapes,
+    placed,
+)
 from flowlik.simulation.worlds.driving._ground import SQUARE_M, Ground, Square, far_land, square_of
 from flowlik.simulation.worlds.driving._kinds import Kinds, make_kinds
 from flowlik.simulation.worlds.driving._layout import Layout

@@ -5,7 +5,7 @@
 import numpy as np
 
 from flowlik.simulation.render._compile import inlined, kernel
-from flowlik.simulation.render.raster.packed import OUTLINE
+from flowlik.simulation.render._raster.packed import OUTLINE
 
 STEP = OUTLINE + 2
 """Numbers that a leaf's triangles take: its outline's, and two of its rhombus."""

@@ -6,8 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from flowlik.simulation.render.meshes import box, quad, tube
-from flowlik.simulation.render.prototypes import Mesh
+from flowlik.simulation.render import Mesh, box, quad, tube
 
 FOOT_M = 0.3
 POSTER_M = 0.25

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flowlik.simulation.render.prototypes import Mesh
+from flowlik.simulation.render._prototypes import Mesh
 from flowlik.support.arrays import Array
 
 

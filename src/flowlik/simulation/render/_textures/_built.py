@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, uniform_filter
 
-from flowlik.simulation.render.textures.noise import TILE_PX, Tile, noise, standardised
+from flowlik.simulation._noise import TILE_PX, Tile, noise, standardised
 
 
 def _asphalt(rng: np.random.Generator) -> Tile:

@@ -24,10 +24,10 @@ from flowlik.datasets.base import (
 )
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
-from flowlik.simulation.base import Frame, World
+from flowlik.simulation._base import Frame, World
+from flowlik.simulation.flight._sensor import DEFAULT_SENSOR, Light, Sensor, motion_blurred
 from flowlik.simulation.flight._shutter import motions_between, pose_near
-from flowlik.simulation.flight.sensor import DEFAULT_SENSOR, Light, Sensor, motion_blurred
-from flowlik.simulation.flight.trajectories import Flight
+from flowlik.simulation.flight._trajectories import Flight
 
 PAPER_CAMERA = Pinhole.from_fov(640, 360, 120.0)
 """The camera of the paper's simulation."""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flowlik.simulation.render.meshes import lattice
-from flowlik.simulation.render.prototypes import Mesh, Prototype
+from flowlik.simulation.render import Mesh, Prototype, lattice
 from flowlik.simulation.things._vectors import unit
 from flowlik.support.arrays import Array
 

@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from flowlik.simulation.render._compile import inlined
-from flowlik.simulation.render.raster._corners import corner_in_space
-from flowlik.simulation.render.raster._shadow import sunlit
-from flowlik.simulation.render.raster._texturing import look_up, reflectance, slopes
+from flowlik.simulation.render._raster._corners import corner_in_space
+from flowlik.simulation.render._raster._shadow import sunlit
+from flowlik.simulation.render._raster._texturing import look_up, reflectance, slopes
 
 # points are lifted this far towards the sun, so that surfaces do not shade themselves
 SOLID_BIAS_M, LEAF_BIAS_M = 0.06, 0.15

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flowlik.simulation.render.prototypes import Foliage, LeafShape, Mesh, Prototype
+from flowlik.simulation.render import Foliage, LeafShape, Mesh, Prototype
 from flowlik.simulation.things._leaves import (
     BLADE,
     CLUSTER,

@@ -11,10 +11,8 @@ from scipy.spatial.transform import RigidTransform
 
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
-from flowlik.simulation.base import Frame, SentAsParameters
-from flowlik.simulation.render.daylight import Daylight
-from flowlik.simulation.render.prototypes import Instances, Prototype, placed
-from flowlik.simulation.render.scene import Scene
+from flowlik.simulation._base import Frame, SentAsParameters
+from flowlik.simulation.render import Daylight, Instances, Prototype, Scene, placed
 from flowlik.simulation.worlds.forest._hills import hills
 from flowlik.simulation.worlds.forest._kinds import MATERIALS, make_kinds, material
 from flowlik.simulation.worlds.forest._plan import planted

@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.geometry.camera import Pinhole
-from flowlik.simulation.base import Frame
-from flowlik.simulation.render.daylight import Daylight
-from flowlik.simulation.render.raster._corners import corners_in_space
-from flowlik.simulation.render.raster._screen import to_screen
-from flowlik.simulation.render.raster._tiles import render_tiles
-from flowlik.simulation.render.raster._visibility import TILE, count_in_tiles, list_in_tiles, make_buffers
-from flowlik.simulation.render.raster.packed import OUTLINE, Drawn, Ints, Looks, Shapes
-from flowlik.simulation.render.raster.shadows import Shadows
+from flowlik.simulation._base import Frame
+from flowlik.simulation.render._daylight import Daylight
+from flowlik.simulation.render._raster._corners import corners_in_space
+from flowlik.simulation.render._raster._screen import to_screen
+from flowlik.simulation.render._raster._tiles import render_tiles
+from flowlik.simulation.render._raster._visibility import TILE, count_in_tiles, list_in_tiles, make_buffers
+from flowlik.simulation.render._raster.packed import OUTLINE, Drawn, Ints, Looks, Shapes
+from flowlik.simulation.render._raster.shadows import Shadows
 from flowlik.support.arrays import Array
 from flowlik.support.threads import in_bands
 

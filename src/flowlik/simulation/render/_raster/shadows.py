@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.simulation.render.daylight import Daylight
-from flowlik.simulation.render.prototypes import Floats
-from flowlik.simulation.render.raster._shadow import cast_shadows
-from flowlik.simulation.render.raster.packed import Drawn, Shapes
+from flowlik.simulation.render._daylight import Daylight
+from flowlik.simulation.render._prototypes import Floats
+from flowlik.simulation.render._raster._shadow import cast_shadows
+from flowlik.simulation.render._raster.packed import Drawn, Shapes
 from flowlik.support.arrays import Array
 from flowlik.support.threads import in_bands
 

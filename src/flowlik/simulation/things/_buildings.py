@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flowlik.simulation.render.meshes import box, quad
-from flowlik.simulation.render.prototypes import Mesh
+from flowlik.simulation.render import Mesh, box, quad
 from flowlik.simulation.things._vectors import UP
 from flowlik.simulation.things._walls import UNDERGROUND_M, Plane, door, openings, pierced_wall, sides
 

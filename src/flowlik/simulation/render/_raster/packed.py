@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.simulation.render.materials import Layer, Material
-from flowlik.simulation.render.prototypes import Floats, Foliage, LeafShape, Mesh, Prototype
-from flowlik.simulation.render.textures.tiles import Tiles
+from flowlik.simulation.render._materials import Layer, Material
+from flowlik.simulation.render._prototypes import Floats, Foliage, LeafShape, Mesh, Prototype
+from flowlik.simulation.render._textures.tiles import Tiles
 from flowlik.support.arrays import Array
 
 Ints = NDArray[np.int64]

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from flowlik.simulation.render._compile import kernel
-from flowlik.simulation.render.raster._corners import STEP, corner_in_space
-from flowlik.simulation.render.raster.packed import OUTLINE
+from flowlik.simulation.render._raster._corners import STEP, corner_in_space
+from flowlik.simulation.render._raster.packed import OUTLINE
 
 
 @kernel
