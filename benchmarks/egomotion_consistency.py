@@ -24,7 +24,7 @@ from egomotion_variants import (
 )
 from flights import Flight
 from flowlik.egomotion import ByVector, EgoMotion
-from flowlik.evaluation.motion.consistency import consistency, consistency_records, tangent_errors
+from flowlik.evaluation.motion import consistency, consistency_records, tangent_errors
 from flowlik.geometry.trajectory import Trajectory
 from flowlik.results.records import Record, protocol
 from flowlik.support.progress import Progress

@@ -9,7 +9,7 @@ import numpy as np
 from egomotion_table import Flown, _flown, with_interval
 from egomotion_variants import label, residuals, variants
 from flowlik.datasets import open_sequence
-from flowlik.evaluation.motion.motion_records import true_trajectory
+from flowlik.evaluation.motion import true_trajectory
 from flowlik.results.records import Record, protocol
 from flowlik.support.progress import Progress
 

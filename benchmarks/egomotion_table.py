@@ -13,8 +13,7 @@ from egomotion_consistency import judged
 from egomotion_flights import FRAMES, WORLD_SEEDS, Exposed, TableFlight, description, rendered
 from egomotion_variants import Variants, label, residuals, variants
 from flowlik.egomotion import ByVector, EgoMotion
-from flowlik.evaluation.motion.drift import RelativeErrors, drift_percent, relative_pose_errors
-from flowlik.evaluation.motion.motion_records import true_trajectory
+from flowlik.evaluation.motion import RelativeErrors, drift_percent, relative_pose_errors, true_trajectory
 from flowlik.flow import flow_method
 from flowlik.geometry.trajectory import Trajectory, chain
 from flowlik.measurement.features import features_of

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flowlik.comparison.drive_records import drive_figures, drive_records
-from flowlik.comparison.drives import BASELINES, OURS, run_drive
+from flowlik.comparison import BASELINES, OURS, drive_figures, drive_records, run_drive
 from flowlik.datasets.base import ImageSequence
 from flowlik.flow import flow_method
 from flowlik.geometry.camera import Distortion, Pinhole

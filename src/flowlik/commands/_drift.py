@@ -8,9 +8,7 @@ from typing import Any, NamedTuple, cast
 
 from flowlik.commands.options import DriftOptions
 from flowlik.errors import DataError
-from flowlik.evaluation.motion.drift import Align, absolute_trajectory_error
-from flowlik.evaluation.motion.matching import match
-from flowlik.evaluation.motion.motion_records import trajectory_records
+from flowlik.evaluation.motion import Align, absolute_trajectory_error, match, trajectory_records
 from flowlik.geometry.pose_table import PoseTable, read_pose_table
 from flowlik.geometry.times import read_times
 from flowlik.results.records import Record
@@ -36,7 +34,7 @@ def drift(estimated: Path, truth: Path, options: DriftOptions = DriftOptions()) 
     """Drift, position error, KITTI errors and per-frame errors of a trajectory file against the true one.
 
     Rows are matched by time where the files have times, else by frame number, see
-    `flowlik.evaluation.motion.matching`.
+    `flowlik.evaluation.motion._matching`.
 
     Parameters
     ----------

@@ -8,8 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from flowlik.commands.options import KittiOptions
-from flowlik.comparison.drive_records import drive_figures, drive_records
-from flowlik.comparison.drives import run_drive
+from flowlik.comparison import drive_figures, drive_records, run_drive
 from flowlik.datasets.base import ImageSequence
 from flowlik.datasets.kitti import KittiOdometry, find_sequences
 from flowlik.datasets.kitti_raw import ODOMETRY_DRIVES, KittiRaw

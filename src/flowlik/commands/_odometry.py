@@ -19,8 +19,7 @@ from flowlik.datasets.selection import Selection, Skipped, select_frames
 from flowlik.datasets.truth import with_truth
 from flowlik.egomotion import EgoMotion, Estimator, lcmsac, mle, ransac
 from flowlik.errors import DataError, MissingFieldError
-from flowlik.evaluation.motion.data_check import agreement
-from flowlik.evaluation.motion.motion_records import true_trajectory
+from flowlik.evaluation.motion import agreement, true_trajectory
 from flowlik.flow import coded, confirmed_method, describe, flow_method
 from flowlik.flow.base import FlowMethod
 from flowlik.geometry.trajectory import Trajectory, write_kitti, write_tum

@@ -12,9 +12,13 @@ from flowlik.datasets.base import notes_of
 from flowlik.datasets.selection import Selection, Skipped
 from flowlik.egomotion import EgoMotion
 from flowlik.evaluation.likelihood import outside_warning
-from flowlik.evaluation.motion.data_check import Agreement, disagreement_warning
-from flowlik.evaluation.motion.drift import relative_pose_errors
-from flowlik.evaluation.motion.motion_records import status_records, trajectory_records
+from flowlik.evaluation.motion import (
+    Agreement,
+    disagreement_warning,
+    relative_pose_errors,
+    status_records,
+    trajectory_records,
+)
 from flowlik.flow import describe, method_label
 from flowlik.geometry.trajectory import Trajectory
 from flowlik.measurement.features import features_of

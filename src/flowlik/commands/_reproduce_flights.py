@@ -15,8 +15,7 @@ from flowlik.comparison.baselines import opencv_pnp
 from flowlik.datasets.base import ImageSequence
 from flowlik.datasets.tartanair import TartanAir
 from flowlik.egomotion import Estimator, KnownDepth, lcmsac, mle, ransac
-from flowlik.evaluation.motion.drift import relative_pose_errors
-from flowlik.evaluation.motion.motion_records import trajectory_records, true_trajectory
+from flowlik.evaluation.motion import relative_pose_errors, trajectory_records, true_trajectory
 from flowlik.flow.base import FlowMethod
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.trajectory import Trajectory, chain

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from flowlik.errors import DataError
-from flowlik.evaluation.motion.consistency import consistency, consistency_records, tangent_errors
+from flowlik.evaluation.motion import consistency, consistency_records, tangent_errors
 from flowlik.geometry.motion import exp_se3
 from flowlik.results.records import Record
 

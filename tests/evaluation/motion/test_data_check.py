@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.evaluation.motion.data_check import Agreement, _disagreeing, agreement, disagreement_warning
+from flowlik.evaluation.motion import Agreement, agreement, disagreement_warning
+from flowlik.evaluation.motion._data_check import _disagreeing
 from tests.helpers import CAMERA, lcm_likelihood, make_scene, random_motion
 
 

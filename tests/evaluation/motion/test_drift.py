@@ -5,14 +5,13 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.errors import DataError
-from flowlik.evaluation.motion.drift import (
+from flowlik.evaluation.motion import (
     absolute_trajectory_error,
-    direction_offset,
     drift_percent,
     kitti_errors,
     relative_pose_errors,
-    remove_direction_offset,
 )
+from flowlik.evaluation.motion._drift import direction_offset, remove_direction_offset
 from flowlik.geometry.trajectory import Trajectory, chain, read_kitti
 
 

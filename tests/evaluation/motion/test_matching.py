@@ -9,7 +9,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from flowlik.commands import drift
 from flowlik.commands.options import DriftOptions
 from flowlik.errors import DataError
-from flowlik.evaluation.motion.drift import absolute_trajectory_error, aligned, drift_percent
+from flowlik.evaluation.motion import absolute_trajectory_error, drift_percent
+from flowlik.evaluation.motion._drift import aligned
 from flowlik.geometry.trajectory import Trajectory, write_kitti
 from flowlik.results.records import select
 from tests.cli.call import call, succeed

@@ -4,7 +4,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.datasets.base import lacks
 from flowlik.egomotion import EgoMotion, Status
-from flowlik.evaluation.motion.motion_records import status_records, trajectory_records, true_trajectory
+from flowlik.evaluation.motion import status_records, trajectory_records, true_trajectory
 from flowlik.geometry.trajectory import Trajectory
 from flowlik.results.records import Record, select
 

@@ -3,8 +3,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.errors import DataError
-from flowlik.evaluation.motion.drift import kitti_errors
-from flowlik.evaluation.motion.resampling import errors_by_length, errors_by_speed, t_err_interval
+from flowlik.evaluation.motion import errors_by_length, errors_by_speed, kitti_errors, t_err_interval
 from flowlik.geometry.trajectory import Trajectory, chain
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flowlik.errors import DataError
-from flowlik.evaluation.motion.drift import KITTI_LENGTHS_M, Segments, kitti_errors
+from flowlik.evaluation.motion._drift import KITTI_LENGTHS_M, Segments, kitti_errors
 from flowlik.geometry.trajectory import Trajectory, chain
 from flowlik.support.arrays import Array
 

@@ -7,12 +7,18 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.comparison.drives import OURS, Drive, Row
+from flowlik.comparison._drives import OURS, Drive, Row
 from flowlik.egomotion import EgoMotion
 from flowlik.errors import DataError
-from flowlik.evaluation.motion.drift import kitti_errors, relative_pose_errors
-from flowlik.evaluation.motion.motion_records import status_records, trajectory_records
-from flowlik.evaluation.motion.resampling import errors_by_length, errors_by_speed, t_err_interval
+from flowlik.evaluation.motion import (
+    errors_by_length,
+    errors_by_speed,
+    kitti_errors,
+    relative_pose_errors,
+    status_records,
+    t_err_interval,
+    trajectory_records,
+)
 from flowlik.evaluation.motion.split_half import (
     LEAST_STEP_M,
     direction_errors_mrad,

@@ -15,7 +15,7 @@ from flowlik.comparison.baselines import opencv_essential, poselib_relative
 from flowlik.datasets.base import ImageSequence
 from flowlik.egomotion import EgoMotion, Epipolar, Estimator, Status, lcmsac
 from flowlik.errors import DataError
-from flowlik.evaluation.motion.motion_records import true_trajectory
+from flowlik.evaluation.motion import true_trajectory
 from flowlik.evaluation.motion.split_half import LEAST_STEP_M, difference_covariance, halves
 from flowlik.flow import flow_method
 from flowlik.flow.base import FlowMethod

@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.datasets.base import ImageSequence
 from flowlik.egomotion import EgoMotion
 from flowlik.errors import DataError, MissingFieldError
-from flowlik.evaluation.motion.drift import (
+from flowlik.evaluation.motion._drift import (
     Align,
     aligned,
     direction_offset,
@@ -58,7 +58,7 @@ def trajectory_records(
         Keys of the records.
     **keys
         Keys of the protocol, such as ``scale``. ``align`` (none, se3 or sim3) is one that also lays the
-        estimate onto the truth, see `flowlik.evaluation.motion.drift.aligned`.
+        estimate onto the truth, see `flowlik.evaluation.motion._drift.aligned`.
 
     Raises
     ------
