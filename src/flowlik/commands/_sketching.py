@@ -8,7 +8,7 @@ from typing import Any
 
 from flowlik.calibration import Block, ErrorSketch, SketchCache, Task, executor, sketch_blocks
 from flowlik.calibration.cache import first_sketches
-from flowlik.commands.options import Execution
+from flowlik.commands._shared_options import Execution
 from flowlik.results.records import Record, protocol
 from flowlik.results.runs import RunFolder
 from flowlik.support.progress import Progress
