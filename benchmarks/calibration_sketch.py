@@ -63,7 +63,7 @@ def sketch(samples: Iterator[Samples]) -> ErrorSketch:
     return merged
 
 
-def raw_score(samples: Iterator[Samples], model: FlowLikelihood) -> float:
+def raw_nll(samples: Iterator[Samples], model: FlowLikelihood) -> float:
     """Mean negative log-likelihood [nat] of the samples themselves."""
     total, count = 0.0, 0
     for t, z in samples:
@@ -95,7 +95,7 @@ def raw_ks(components: int, seed: int, model: FlowLikelihood, levels: list[int])
 
 
 def raw_fit(samples: Samples, knots: np.ndarray) -> tuple[Schedule, float]:
-    """Plain maximum likelihood on raw samples by scipy, as one would write it; table and its score [nat]."""
+    """Plain maximum likelihood on raw samples by scipy, as one would write it; table and its NLL [nat]."""
     t, z = samples
     x = np.log(t)
     interval = np.clip(np.searchsorted(knots, x) - 1, 0, len(knots) - 2)
@@ -151,9 +151,9 @@ def records(components: int = 50_000_000, raw: int = RAW_FIT, seed: int = 0) -> 
     whole = sketch(chunks(components, seed))
     model = FlowLikelihood(FAMILY, fit(whole, FAMILY)[0])
     found = []
-    score = raw_score(chunks(components, seed), model)
+    nll = raw_nll(chunks(components, seed), model)
     of_sketch = negative_log_likelihood(whole, model)
-    found.append(record("sketch_nll_error", of_sketch - score, "nat", components, raw=score))
+    found.append(record("sketch_nll_error", of_sketch - nll, "nat", components, raw=nll))
 
     ks = kolmogorov_smirnov(whole, model, Counting(LEAST, 1))
     levels = [int(level) for level in np.flatnonzero(ks.counted)]
@@ -167,12 +167,12 @@ def records(components: int = 50_000_000, raw: int = RAW_FIT, seed: int = 0) -> 
     few = tuple(np.concatenate(part) for part in zip(*parts))
     knots = place_knots(sketch(iter(parts)))
     (ours, _), fit_s, fit_mb = costs(lambda: fit(sketch(iter(parts)), FAMILY, knots))
-    (_, their_score), raw_s, raw_mb = costs(lambda: raw_fit(few, knots))
-    our_score = raw_score(iter([few]), FlowLikelihood(FAMILY, ours))
+    (_, their_nll), raw_s, raw_mb = costs(lambda: raw_fit(few, knots))
+    our_nll = raw_nll(iter([few]), FlowLikelihood(FAMILY, ours))
     raw_mb += sum(part.nbytes for part in few) / 1e6
-    note = {"ours": "sketch and fit", "theirs": "scipy on raw samples", "theirs_nll": their_score}
+    note = {"ours": "sketch and fit", "theirs": "scipy on raw samples", "theirs_nll": their_nll}
     found += [
-        record("raw_fit_nll_gap", our_score - their_score, "nat", raw, **note),
+        record("raw_fit_nll_gap", our_nll - their_nll, "nat", raw, **note),
         record("raw_fit_time_ratio", raw_s / fit_s, "", raw, ours_s=fit_s, theirs_s=raw_s, time="processor"),
         record("raw_fit_memory_ratio", raw_mb / fit_mb, "", raw, ours_mb=fit_mb, theirs_mb=raw_mb),
     ]

@@ -14,7 +14,7 @@ from flowlik.evaluation.likelihood._goodness import (
     outside_range,
 )
 from flowlik.evaluation.likelihood._levels import levels
-from flowlik.evaluation.likelihood._table import figures, model_records
+from flowlik.evaluation.likelihood._model_records import figures, model_records
 
 __all__ = [
     "CONFIDENCES",

@@ -1,4 +1,4 @@
-"""Every figure of every model: family x schedule x flow on one population of errors."""
+"""Every record and every figure of a model, or of several on one population of errors."""
 
 from __future__ import annotations
 
@@ -102,37 +102,6 @@ def model_records(
             if tells_eigenbasis(sketch, likelihood)
             else []
         ),
-    ]
-
-
-def every_record(
-    models: Mapping[tuple[str, str, str], FlowLikelihood],
-    kinds: Mapping[str, Kinds],
-    dataset: str,
-    seed: int | None,
-    counting: Counting = Counting(),
-    **keys: object,
-) -> list[Record]:
-    """Records of every model on the errors of its flow: the one table of family x schedule x flow.
-
-    Parameters
-    ----------
-    models : mapping of (flow, family, schedule) to FlowLikelihood
-        Models.
-    kinds : mapping of str to sequence of sequence of ErrorSketch
-        Each flow's errors, once over each index that its models have.
-    dataset, seed, counting, **keys
-        As in `model_records`.
-
-    Raises
-    ------
-    CalibrationError
-        If there is no sketch over a model's index.
-    """
-    return [
-        record
-        for (flow, _, _), model in models.items()
-        for record in model_records(blocks_over(kinds[flow], model), model, dataset, seed, counting, **keys)
     ]
 
 

@@ -110,7 +110,7 @@ def _curves(kept: Array) -> dict[str, Array]:
 
 
 def _spearman(counts: Array) -> float:
-    """Rank correlation of a table's row and column, ties sharing their middle rank."""
+    """Rank correlation of row and column in counts of both, ties sharing their middle rank."""
     share = counts / counts.sum()
     ranks = [np.cumsum(s) - 0.5 * s - 0.5 for s in (share.sum(axis=1), share.sum(axis=0))]
     variances = [r**2 @ s for r, s in zip(ranks, (share.sum(axis=1), share.sum(axis=0)))]
