@@ -1,13 +1,13 @@
 """Error families by name; a new one is one file and a line here."""
 
 from flowlik.errors import ModelError
+from flowlik.likelihood.families._gauss_laplace_cauchy import GaussLaplaceCauchy
+from flowlik.likelihood.families._gaussian import Gaussian
+from flowlik.likelihood.families._laplace import Laplace
+from flowlik.likelihood.families._laplace_cauchy import LaplaceCauchy
+from flowlik.likelihood.families._log_logistic import LogLogistic
+from flowlik.likelihood.families._student_t import StudentT
 from flowlik.likelihood.families.base import ErrorFamily, Parameter
-from flowlik.likelihood.families.gauss_laplace_cauchy import GaussLaplaceCauchy
-from flowlik.likelihood.families.gaussian import Gaussian
-from flowlik.likelihood.families.laplace import Laplace
-from flowlik.likelihood.families.laplace_cauchy import LaplaceCauchy
-from flowlik.likelihood.families.log_logistic import LogLogistic
-from flowlik.likelihood.families.student_t import StudentT
 
 FAMILIES: dict[str, ErrorFamily] = {
     f.name: f

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from flowlik.likelihood.families._cauchy import Cauchy
+from flowlik.likelihood.families._gaussian import Gaussian
+from flowlik.likelihood.families._laplace import Laplace
+from flowlik.likelihood.families._mixture import Mixture
 from flowlik.likelihood.families.base import LOGIT, ErrorFamily, Parameter
-from flowlik.likelihood.families.cauchy import Cauchy
-from flowlik.likelihood.families.gaussian import Gaussian
-from flowlik.likelihood.families.laplace import Laplace
-from flowlik.likelihood.families.mixture import Mixture
 
 
 class GaussLaplaceCauchy(Mixture):
