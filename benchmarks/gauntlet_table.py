@@ -1,0 +1,90 @@
+"""Records and tables of the gauntlet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from flowlik.results.records import Record, protocol
+from gauntlet_judge import GROSSLY, Verdict
+from gauntlet_run import OURS, Cell
+
+COLUMNS = (
+    ("grossly_wrong_rate", "gross %", 100, ".1f"),
+    ("outside_999_rate", "out %", 100, ".1f"),
+    ("claimed_fraction", "claim %", 100, ".0f"),
+    ("solved_fraction", "solved %", 100, ".0f"),
+    ("region_50", "in 50", 100, ".0f"),
+    ("region_90", "in 90", 100, ".0f"),
+    ("rotation_median_deg", "rot deg", 1, ".3f"),
+    ("translation_median_m", "mm", 1e3, ".1f"),
+    ("direction_median_deg", "dir deg", 1, ".2f"),
+)
+"""Metric, heading, factor and format of the printed table."""
+
+
+def records_of(found: Mapping[Cell, list[Verdict]], seed: int) -> Iterator[Record]:
+    """Records of every cell: scenario as dataset, flow, estimator; the residual in the protocol."""
+    for (scenario, flow, residual, estimator), verdicts in found.items():
+        covariance = "own" if estimator in OURS else "normal-equations"
+        note = protocol(residual=residual, covariance=covariance)
+        for metric, (value, unit) in figures(verdicts, residual == "depth").items():
+            yield Record(
+                metric, value, unit, scenario, flow, estimator=estimator, count=len(verdicts), seed=seed,
+                protocol=note,
+            )  # fmt: skip
+
+
+def figures(verdicts: list[Verdict], metric: bool) -> dict[str, tuple[float, str]]:
+    """Figures of a cell with their units: rates are over what claims something, errors over all."""
+    radii, squared, freedoms, solved, rotation, translation = (np.array(c) for c in zip(*verdicts))
+    claims, moved = freedoms > 0, ("translation_median_m", "m") if metric else ("direction_median_deg", "deg")
+    values = {
+        "grossly_wrong_rate": (_share(radii[claims] > GROSSLY), ""),
+        "outside_999_rate": (_share(radii[claims] > 1), ""),
+        "claimed_fraction": (_share(claims), ""),
+        "solved_fraction": (_share(solved.astype(bool)), ""),
+        "rotation_median_deg": (_median(rotation), "deg"),
+        moved[0]: (_median(translation), moved[1]),
+    }
+    own = solved.astype(bool) & claims
+    for share in (0.5, 0.9):
+        inside = squared[own] <= chi2.ppf(share, freedoms[own])
+        values[f"region_{100 * share:.0f}"] = (_share(inside), "")
+    return values
+
+
+def table(records: list[Record]) -> str:
+    """Printed table: a line a cell."""
+    rows: dict[tuple[str, ...], dict[str, float | None]] = {}
+    for r in records:
+        key = str(r.dataset), residual_of(r), str(r.flow), str(r.estimator)
+        rows.setdefault(key, {})[r.metric] = r.value
+    lines = ["".join(f"{h:<16}" for h in ("scenario", "residual", "flow", "estimator"))]
+    lines[0] += "".join(f"{head:>9}" for _, head, _, _ in COLUMNS)
+    for key, values in rows.items():
+        cells = (_text(values.get(metric), factor, form) for metric, _, factor, form in COLUMNS)
+        lines.append("".join(f"{word:<16}" for word in key) + "".join(f"{cell:>9}" for cell in cells))
+    return "\n".join(lines)
+
+
+def residual_of(record: Record) -> str:
+    """Residual that a record's protocol names."""
+    return dict(part.split("=") for part in record.protocol.split("; "))["residual"]
+
+
+def _text(value: float | None, factor: float, form: str) -> str:
+    return "-" if value is None else format(factor * value, form)
+
+
+def _share(of: NDArray[np.bool_]) -> float:
+    """Share that is true; NaN of nothing."""
+    return float(np.mean(of)) if len(of) else np.nan
+
+
+def _median(values: NDArray[np.float64]) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else np.nan
