@@ -279,11 +279,13 @@ def test_the_total_score_is_the_gradient_within_bounds(scene, near, kind):
     T = normalised(residual, near[1])
     likelihood = lcm_likelihood()
     x, tables = residual.at(T, likelihood.schedule.index).x, likelihood.compiled
-    _, z, *_ = residual.at(T, INDEX)
     bounds = likelihood.bound(x, 0.9)
     used = np.arange(len(x)) % 3 > 0
     held = Chosen(used, tables.rows(x), likelihood.fisher(x), tables)
-    within = held._replace(used=used & (np.abs(z) <= bounds))
-    expected = residual.equations(T, within).b
-    found = residual.total_score(T, held, bounds)
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    other = residual.retract(T, np.array([1e-3, -2e-3, 1e-3, 0.01, 0.02, -0.01]))
+    found = residual.total_scores(np.array([T, other]), held, bounds)
+    for moved, score in zip((T, other), found):
+        z = residual.at(moved, INDEX).z
+        within = held._replace(used=used & (np.abs(z) <= bounds))
+        expected = residual.equations(moved, within).b
+        np.testing.assert_allclose(score, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())

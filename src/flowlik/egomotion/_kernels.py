@@ -115,28 +115,46 @@ def equations_depth(T, directions, rho, ends, R_i_e, camera, rows, fisher, used,
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
-def total_score_depth(T, directions, rho, ends, R_i_e, camera, rows, used, bounds, weight):  # type: ignore[no-untyped-def]
-    """Gradient b (6,) of `equations_depth` alone, of the components within bounds (2N,)."""
-    b, J, last_row = np.zeros(6), np.empty((2, 6)), weight.shape[0] - 2
+def total_scores_depth(motions, directions, rho, ends, R_i_e, camera, rows, used, bounds, weight):  # type: ignore[no-untyped-def]
+    """Gradients (K, 6) of `equations_depth` at motions (K, 3, 4), of the components within bounds (2N,)."""
+    scores, last_row = np.zeros((len(motions), 6)), weight.shape[0] - 2
+    fx, fy, cx, cy = camera
     for n in range(len(rho)):
         if used[2 * n] == 0 and used[2 * n + 1] == 0:
             continue
-        u, v, valid = _depth_rows(T, directions[n], rho[n], ends[n], camera, J)
-        if not valid:
-            continue
-        gu = gv = 0.0
-        for c in (2 * n, 2 * n + 1):
-            p, q = R_i_e[n, 0, c - 2 * n], R_i_e[n, 1, c - 2 * n]
-            z = p * u + q * v
-            if used[c] == 0 or abs(z) > bounds[c]:
+        first, second = 2 * n, 2 * n + 1
+        i1, i2 = min(int(rows[first]), last_row), min(int(rows[second]), last_row)
+        a1, a2 = rows[first] - i1, rows[second] - i2
+        b1 = bounds[first] if used[first] else -1.0
+        b2 = bounds[second] if used[second] else -1.0
+        p1, q1, p2, q2 = R_i_e[n, 0, 0], R_i_e[n, 1, 0], R_i_e[n, 0, 1], R_i_e[n, 1, 1]
+        for k in range(len(motions)):
+            x, y, z = _point(motions[k], directions[n], rho[n])
+            if z <= 1e-9:
                 continue
-            i, (j, f) = min(int(rows[c]), last_row), magnitude_position(abs(z))
-            wz = bilinear(weight, i, rows[c] - i, j, f) * z
-            gu += wz * p
-            gv += wz * q
-        for i in range(6):
-            b[i] -= gu * J[0, i] + gv * J[1, i]
-    return b
+            iz = 1.0 / z
+            x, y = x * iz, y * iz
+            u, v = ends[n, 0] - (fx * x + cx), ends[n, 1] - (fy * y + cy)
+            z1, z2 = p1 * u + q1 * v, p2 * u + q2 * v
+            gu = gv = 0.0
+            if abs(z1) <= b1:
+                j, f = magnitude_position(abs(z1))
+                wz = bilinear(weight, i1, a1, j, f) * z1
+                gu, gv = wz * p1, wz * q1
+            if abs(z2) <= b2:
+                j, f = magnitude_position(abs(z2))
+                wz = bilinear(weight, i2, a2, j, f) * z2
+                gu, gv = gu + wz * p2, gv + wz * q2
+            # the rows of the Jacobian, multiplied out
+            gu, gv = fx * gu, fy * gv
+            along = gu * x + gv * y
+            scores[k, 0] -= along * y + gv
+            scores[k, 1] += along * x + gu
+            scores[k, 2] -= gu * y - gv * x
+            scores[k, 3] += gu * iz * rho[n]
+            scores[k, 4] += gv * iz * rho[n]
+            scores[k, 5] -= along * iz * rho[n]
+    return scores
 
 
 @njit(cache=True, nogil=True)

@@ -33,7 +33,7 @@ def sandwich(information: Array, variability: Array, basis: Array) -> Array:
 
 
 def observed_sensitivity(
-    gradient: Callable[[Array], Array], expected: Array, covariance: Array, basis: Array
+    gradients: Callable[[Array], Array], expected: Array, covariance: Array, basis: Array
 ) -> Array:
     """Sensitivity A (6, 6) of the total score as this frame has it, over a standard deviation either way.
 
@@ -42,8 +42,8 @@ def observed_sensitivity(
 
     Parameters
     ----------
-    gradient : callable
-        Total score (6,) after a step (6,) along the tangent.
+    gradients : callable
+        Total scores (K, 6) after each of steps (K, 6) along the tangent.
     expected : array (6, 6)
         Fisher information, by which curvatures are measured: none is taken for less than a twentieth of it.
     covariance : array (6, 6)
@@ -55,8 +55,9 @@ def observed_sensitivity(
     sigma = np.sqrt(np.diag(C))
     values, vectors = np.linalg.eigh(C / np.outer(sigma, sigma))
     steps = sigma[:, None] * vectors * np.sqrt(np.maximum(values, 1e-12))
-    falls = [0.5 * basis.T @ (gradient(-basis @ step) - gradient(basis @ step)) for step in steps.T]
-    A = np.stack(falls, axis=1) @ np.linalg.inv(steps)
+    moves = steps.T @ basis.T
+    before, after = gradients(np.concatenate([-moves, moves])).reshape(2, *moves.shape)
+    A = 0.5 * basis.T @ (before - after).T @ np.linalg.inv(steps)
     root = np.linalg.cholesky(basis.T @ expected @ basis)
     relative = np.linalg.solve(root, np.linalg.solve(root, 0.5 * (A + A.T)).T)
     values, vectors = np.linalg.eigh(relative)
@@ -97,10 +98,9 @@ def score_covariance(
     """
     G = _whitened(directions, fisher, J, flow_directions(m.flow))
     B = np.zeros((6, 6))
+    kinds = (np.ascontiguousarray(G[:, kind]) for kind in (slice(2), slice(2, 3), slice(1, 2)))
     # scores along u and v, along the flow, and along v, as functions of the tangent
-    for scores, weights in (
-        (G[:, :2], correlation.isotropic), (G[:, 2:], correlation.along), (G[:, 1:2], correlation.vertical),
-    ):  # fmt: skip
+    for scores, weights in zip(kinds, (correlation.isotropic, correlation.along, correlation.vertical)):
         flat, whole = scores.reshape(-1, 6), scores.sum(axis=0)
         B += weights[0] * (flat.T @ flat) + weights[-1] * (whole.T @ whole)
         for scale, weight in zip(correlation.scales_px, weights[1:-1]):
@@ -146,20 +146,24 @@ def smoothed_products(pixels, G, spacing):  # type: ignore[no-untyped-def]
     u0, v0 = pixels[:, 0].min(), pixels[:, 1].min()
     columns = int((pixels[:, 0].max() - u0) / spacing) + 4
     rows = int((pixels[:, 1].max() - v0) / spacing) + 4
-    grid = np.zeros((rows, columns, width))
-    flat, wu, wv = np.empty(width), np.empty(4), np.empty(4)
+    grid = np.zeros((rows, columns * width))
+    flat, line, wu, wv = np.empty(width), np.empty(4 * width), np.empty(4), np.empty(4)
     for i in range(len(pixels)):
         u, v = (pixels[i, 0] - u0) / spacing, (pixels[i, 1] - v0) / spacing
         c0, r0 = int(u), int(v)
         _spline(u - c0, wu)
         _spline(v - r0, wv)
-        for j in range(width):
-            flat[j] = G[i, j // 6, j % 6]
+        for k in range(G.shape[1]):
+            for j in range(6):
+                flat[6 * k + j] = G[i, k, j]
+        # four nodes side by side are one row of numbers
+        for c in range(4):
+            part = line[c * width : (c + 1) * width]
+            for j in range(width):
+                part[j] = wu[c] * flat[j]
         for r in range(4):
-            for c in range(4):
-                w = wv[r] * wu[c]
-                node = grid[r0 + r, c0 + c]
-                for j in range(width):
-                    node[j] += w * flat[j]
-    nodes = grid.reshape(rows * columns * G.shape[1], 6)
-    return nodes.T @ nodes
+            nodes = grid[r0 + r, c0 * width : (c0 + 4) * width]
+            for j in range(4 * width):
+                nodes[j] += wv[r] * line[j]
+    each = grid.reshape(rows * columns * G.shape[1], 6)
+    return each.T @ each

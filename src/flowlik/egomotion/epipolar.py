@@ -56,7 +56,9 @@ class Epipolar:
 
     _rays: tuple[Array, Array] = field(init=False, repr=False)
     _focal: tuple[float, float] = field(init=False, repr=False)
-    _isotropic: dict[Index, dict[str, Array]] = field(init=False, repr=False, default_factory=dict)
+    _isotropic: dict[int, tuple[Index, dict[str, Array]]] = field(
+        init=False, repr=False, default_factory=dict
+    )
 
     def __len__(self) -> int:
         """Return the number of flow vectors."""
@@ -79,20 +81,24 @@ class Epipolar:
 
     def isotropic(self, index: Index) -> dict[str, Array]:
         """What of an index does not depend on the direction, kept."""
-        if index not in self._isotropic:
-            self._isotropic[index] = index.isotropic(self.measurements)
-        return self._isotropic[index]
+        # by identity: the hash of an index is that of all its terms
+        if id(index) not in self._isotropic:
+            self._isotropic[id(index)] = index, index.isotropic(self.measurements)
+        return self._isotropic[id(index)][1]
 
     def equations(self, T: Array, chosen: Chosen, widened: float = 1.0) -> Equations:
         """Normal equations of the chosen components."""
         z, _, J = self.linearise(T)
         return equations_of(z, J, observable(T), chosen, widened)
 
-    def total_score(self, T: Array, chosen: Chosen, bounds: Array) -> Array:
-        """Gradient of the log-density of the chosen components within their bounds."""
-        z, _, J = self.linearise(T)
-        within = chosen._replace(used=chosen.used & (np.abs(z) <= bounds))
-        return equations_of(z, J, observable(T), within).b
+    def total_scores(self, motions: Array, chosen: Chosen, bounds: Array) -> Array:
+        """Gradients (K, 6) of the log-density of the chosen components within their bounds."""
+        scores = []
+        for T in motions:
+            z, _, J = self.linearise(T)
+            within = chosen._replace(used=chosen.used & (np.abs(z) <= bounds))
+            scores.append(equations_of(z, J, observable(T), within).b)
+        return np.array(scores)
 
     def retract(self, T: Array, step: Array) -> Array:
         """Motion after a step (6,), with a translation of unit length."""

@@ -75,7 +75,7 @@ class KnownDepth:
     _points: tuple[Array, ...] = field(init=False, repr=False)
     _camera: tuple[float, ...] = field(init=False, repr=False)
     _directions: Array = field(init=False, repr=False)
-    _coordinates: dict[Index, Array] = field(init=False, repr=False, default_factory=dict)
+    _coordinates: dict[int, tuple[Index, Array]] = field(init=False, repr=False, default_factory=dict)
 
     def __len__(self) -> int:
         """Return the number of flow vectors."""
@@ -93,9 +93,10 @@ class KnownDepth:
 
     def coordinates(self, index: Index) -> Array:
         """Schedule coordinates x (2N,), kept."""
-        if index not in self._coordinates:
-            self._coordinates[index] = index.of(self.measurements).ravel()
-        return self._coordinates[index]
+        # by identity: the hash of an index is that of all its terms
+        if id(index) not in self._coordinates:
+            self._coordinates[id(index)] = index, index.of(self.measurements).ravel()
+        return self._coordinates[id(index)][1]
 
     def equations(self, T: Array, chosen: Chosen, widened: float = 1.0) -> Equations:
         """Normal equations of the chosen components."""
@@ -108,12 +109,12 @@ class KnownDepth:
             np.eye(6),
         )  # fmt: skip
 
-    def total_score(self, T: Array, chosen: Chosen, bounds: Array) -> Array:
-        """Gradient of the log-density of the chosen components within their bounds."""
-        b: Array = _kernels.total_score_depth(
-            T, *self._points, self._camera, chosen.rows, chosen.used, bounds, chosen.tables.weight
+    def total_scores(self, motions: Array, chosen: Chosen, bounds: Array) -> Array:
+        """Gradients (K, 6) of the log-density of the chosen components within their bounds."""
+        scores: Array = _kernels.total_scores_depth(
+            motions, *self._points, self._camera, chosen.rows, chosen.used, bounds, chosen.tables.weight
         )
-        return b
+        return scores
 
     def retract(self, T: Array, step: Array) -> Array:
         """Motion after a step (6,)."""

@@ -65,7 +65,8 @@ def _sensitivity(problem: Problem, view: View, A: Array, B: Array) -> Array:
     held = problem.chosen(x, view.used)
     bounds = np.full(len(x), np.inf) if problem.refine_all else view.bounds
 
-    def gradient(step: Array) -> Array:
-        return residual.total_score(residual.retract(T, step), held, bounds)
+    def gradients(steps: Array) -> Array:
+        motions = np.array([residual.retract(T, step) for step in steps])
+        return residual.total_scores(motions, held, bounds)
 
-    return observed_sensitivity(gradient, A, sandwich(A, B, basis), basis)
+    return observed_sensitivity(gradients, A, sandwich(A, B, basis), basis)

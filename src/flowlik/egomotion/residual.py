@@ -143,8 +143,8 @@ class Residual(Protocol):
         """Normal equations of the chosen components, errors taken to be `widened` times as wide."""
         ...
 
-    def total_score(self, T: Array, chosen: Chosen, bounds: Array) -> Array:
-        """Gradient (6,) of the log-density of the chosen components within their bounds (C,) [px]."""
+    def total_scores(self, motions: Array, chosen: Chosen, bounds: Array) -> Array:
+        """Gradients (K, 6) at motions (K, 3, 4) of the log-density of the chosen within bounds (C,) [px]."""
         ...
 
     def retract(self, T: Array, step: Array) -> Array:

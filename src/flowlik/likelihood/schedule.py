@@ -108,7 +108,9 @@ class Index:
         ModelError
             If a signal that it needs was not measured.
         """
-        return self.combine({name: of_components(name, m) for name in self.covariates})
+        held = {name: logarithm[:, None] for name, logarithm in self.isotropic(m).items()}
+        values = {name: of_components(name, m) for name in self.covariates if name not in held}
+        return np.asarray(np.broadcast_to(self.combine(values, held), (len(m), 2)))
 
     def along(self, m: Measurements, normal: Array, held: Mapping[str, Array] | None = None) -> Array:
         """Coordinates x (N,) of the error along unit vectors ``normal`` (N, 2) in {i}.
@@ -148,7 +150,7 @@ class Index:
             for i in self.inputs
             if i.covariate in values
         } | dict(held or {})
-        x = np.full(np.shape(next(iter(logs.values()))), self.offset)
+        x = np.full(np.broadcast_shapes(*(np.shape(logarithm) for logarithm in logs.values())), self.offset)
         for term in self.terms:
             product = logs[term.covariates[0]]
             for name in term.covariates[1:]:
