@@ -6,7 +6,14 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from flowlik.errors import DataError
-from flowlik.image.texture import TextureDefinition, eigenbasis, sample_tensor, structure_tensor
+from flowlik.image.texture import (
+    TextureDefinition,
+    derivatives,
+    eigenbasis,
+    sample_tensor,
+    structure_tensor,
+    tensors_at,
+)
 from flowlik.support import threads
 
 NOISE = np.random.default_rng(0).integers(0, 256, (37, 53), dtype=np.uint8)
@@ -102,6 +109,26 @@ def test_sub_pixel_samples_are_bilinear_and_clamped():
     expected = [ndimage.map_coordinates(S[..., c], pixels.T[::-1], order=1, mode="nearest") for c in range(3)]
     np.testing.assert_allclose(sample_tensor(S, pixels), np.transpose(expected), rtol=1e-12, atol=1e-9)
     np.testing.assert_array_equal(sample_tensor(S, np.array([[52.0, 36], [0, 0]])), [S[36, 52], S[0, 0]])
+
+
+@pytest.mark.parametrize("window", [1, 3, 5, 9])
+@pytest.mark.parametrize("count", [15, 2000])
+def test_tensors_at_a_few_pixels_are_those_of_the_whole_image_to_the_bit(window, count):
+    definition = TextureDefinition(window=window)
+    rng = np.random.default_rng(5)
+    pixels = np.concatenate(
+        [rng.uniform([-2, -2], [54, 38], (count, 2)), [[0, 0], [52, 36], [52, 0], [0.5, 36]]]
+    )
+    expected = sample_tensor(structure_tensor(NOISE, definition), pixels)
+    np.testing.assert_array_equal(tensors_at(NOISE, pixels, definition), expected)
+    np.testing.assert_array_equal(tensors_at(NOISE, pixels, definition, derivatives(NOISE)), expected)
+
+
+def test_tensors_of_a_single_row_are_those_of_the_whole_image():
+    row, definition = NOISE[:1], TextureDefinition(window=1)
+    pixels = np.array([[3.5, 0.0], [40, 0]])
+    expected = sample_tensor(structure_tensor(row, definition), pixels)
+    np.testing.assert_array_equal(tensors_at(row, pixels, definition), expected)
 
 
 def test_sampling_keeps_tensors_positive_semi_definite():

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -5,7 +7,7 @@ from scipy.ndimage import map_coordinates
 
 from flowlik.errors import ModelError
 from flowlik.flow import Farneback, LucasKanade
-from flowlik.image.texture import TextureDefinition
+from flowlik.image.texture import TextureDefinition, derivatives
 from flowlik.likelihood.covariates import COVARIATES, covariate, of_components
 from flowlik.measurement._signals import SIGNALS, Pair, signal
 from flowlik.measurement.measurements import Measurements, measure
@@ -71,7 +73,8 @@ def test_a_missing_signal_is_named():
 def pair(flow, previous=PREVIOUS, current=CURRENT, pixels=None, flow_at=None) -> Pair:
     pixels = np.array([[20.0, 30.0], [50.0, 40.0], [80.0, 12.0]]) if pixels is None else pixels
     flow = np.broadcast_to(np.asarray(flow, float), pixels.shape).copy()
-    return Pair(previous, current, Farneback(), flow_at or (lambda p: np.zeros_like(p)), pixels, flow)
+    flow_at = flow_at or (lambda p: np.zeros_like(p))
+    return Pair(previous, current, derivatives(previous), Farneback(), flow_at, pixels, flow)
 
 
 def test_the_discrepancy_is_the_way_there_and_back(measured):
@@ -99,6 +102,20 @@ def test_the_residual_agrees_with_numpy():
         assert value == pytest.approx(np.abs(difference - difference.mean()).mean(), abs=1e-9)
 
 
+def test_the_residual_agrees_with_scipy_between_pixels_and_beyond_the_border():
+    rng = np.random.default_rng(0)
+    p = pair(rng.uniform(-4, 4, (200, 2)), pixels=rng.uniform(0, [99, 69], (200, 2)))
+    v, u = np.mgrid[-2:3, -2:3].reshape(2, 25)
+    patches = [
+        map_coordinates(image.astype(float), np.stack([y + v, x + u]), order=1, mode="nearest")
+        for image, places in ((p.previous, p.pixels), (p.current, p.pixels + p.flow))
+        for x, y in places
+    ]
+    difference = np.array(patches[200:]) - np.array(patches[:200])
+    expected = np.abs(difference - difference.mean(axis=1, keepdims=True)).mean(axis=1)
+    np.testing.assert_allclose(SIGNALS["residual"](p), expected, atol=1e-9)
+
+
 def test_the_residual_does_not_see_an_exposure_step_and_does_see_wrong_flow():
     brighter = np.clip(CURRENT.astype(int) + 9, 0, 255).astype(np.uint8)
     right, lit, wrong = (
@@ -116,7 +133,7 @@ def test_the_spread_is_that_of_neighbouring_flow():
         return flow
 
     p = pair([0, 0], flow_at=sheared)
-    p = Pair(p.previous, p.current, p.method, sheared, p.pixels, sheared(p.pixels))
+    p = replace(p, flow=sheared(p.pixels))
     # neighbours 4 px away on a grid: squares 0.16 four times and 0.32 four times
     np.testing.assert_allclose(SIGNALS["spread"](p)[1:], np.sqrt(0.24))
     # without the three to the left, where the flow is unknown: 0.16 three times, 0.32 twice

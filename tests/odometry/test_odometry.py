@@ -12,7 +12,7 @@ from flowlik.flow.base import DenseFlow
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.motion import exp_se3, h, inverse_range
 from flowlik.image.depth import ImplausibleDepthWarning
-from flowlik.image.texture import TextureDefinition
+from flowlik.image.texture import TextureDefinition, derivatives
 from flowlik.measurement.features import features_of, measure_features
 from flowlik.odometry.loop import measure_sequence, run_odometry
 from flowlik.odometry.odometry import Odometry, scaled
@@ -299,5 +299,5 @@ def test_features_are_corners_or_stratified_pixels():
     method = LucasKanade()
     sparse = measure_features(previous, previous, method, texture)
     corners = method.measure(previous, previous)[0]
-    np.testing.assert_array_equal(sparse.pixels, method.anchors(previous, corners))
+    np.testing.assert_array_equal(sparse.pixels, method.anchors(derivatives(previous), corners))
     assert (features_of(Farneback()), features_of(LucasKanade())) == ("stratified-4000", "corners")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from flowlik.errors import DataError
 from flowlik.image import _kernels
+from flowlik.image.texture import Gradients
 from flowlik.support.arrays import Array
 
 if TYPE_CHECKING:
@@ -61,8 +62,11 @@ class Windowed(ABC):
     """Part of a method that finds one motion for all that its window holds."""
 
     @abstractmethod
-    def anchors(self, previous: Image, pixels: Array) -> Array:
-        """Where in the image (N, 2) [px] the motion measured at pixels (N, 2) is that of the scene."""
+    def anchors(self, gradients: Gradients, pixels: Array) -> Array:
+        """Where in the image (N, 2) [px] the motion measured at pixels (N, 2) is that of the scene.
+
+        ``gradients`` are the image's, as `flowlik.image.texture.derivatives` gives them.
+        """
 
 
 def method_for_pair(method: FlowMethod, sequence: ImageSequence, k: int) -> FlowMethod:

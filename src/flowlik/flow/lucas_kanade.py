@@ -10,7 +10,7 @@ import numpy as np
 
 from flowlik.flow.base import ZERO_ALLOWED, Image, Windowed, check_pair, inside_image
 from flowlik.image import _kernels
-from flowlik.image.texture import derivatives
+from flowlik.image.texture import Gradients
 from flowlik.support.arrays import Array
 from flowlik.support.threads import in_bands
 
@@ -77,11 +77,11 @@ class LucasKanade(Windowed):
         flow[(status.ravel() == 0) | ~inside] = np.nan
         return flow
 
-    def anchors(self, previous: Image, pixels: Array) -> Array:
+    def anchors(self, gradients: Gradients, pixels: Array) -> Array:
         """Centres (N, 2) [px] of the gradient energy in the patches around pixels (N, 2)."""
         if self.anchor == "middle" or len(pixels) == 0:
             return pixels
-        gx, gy = derivatives(previous)
+        gx, gy = gradients
         centres = np.empty((len(pixels), 2))
         in_bands(
             lambda first, last: _kernels.energy_centres(

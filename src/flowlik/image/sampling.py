@@ -25,10 +25,8 @@ def sample_inverse_depth(depth: Array, pixels: Array) -> Array:
         If depth is not in floats.
     """
     check_depth_z(depth)
-    with np.errstate(divide="ignore"):
-        inverse = 1.0 / np.asarray(depth, dtype=np.float64)
-    sampled: Array = _kernels.surface(inverse[:, :, None], _positions(pixels), SAME_SURFACE, 0.0)
-    return sampled[:, 0]
+    sampled: Array = _kernels.inverse_surface(np.asarray(depth), _positions(pixels), SAME_SURFACE)
+    return sampled
 
 
 def sample_flow(flow: Array, pixels: Array) -> Array:

@@ -15,6 +15,10 @@ from flowlik.support.threads import in_bands
 
 ROWS = 90
 TENSORS = 60_000
+POINTS = 1_000
+
+Gradients = tuple[NDArray[np.int16], NDArray[np.int16]]
+"""32 times the derivatives (H, W) of an image along u and v, as `derivatives` gives them."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,7 @@ class TextureDefinition:
         return asdict(self)
 
 
-def derivatives(image: NDArray[np.uint8]) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
+def derivatives(image: NDArray[np.uint8]) -> Gradients:
     """32 times the Scharr derivatives [intensity/px] of a grey image (H, W) along u and v, exact."""
     gx, gy = (cv2.Scharr(image, cv2.CV_16S, dx, dy) for dx, dy in ((1, 0), (0, 1)))
     return gx, gy  # type: ignore[return-value]
@@ -68,10 +72,7 @@ def structure_tensor(image: NDArray[np.uint8], definition: TextureDefinition | N
         If the image is not a two-dimensional uint8 array of at least the window's size.
     """
     definition = definition or TextureDefinition()
-    if image.dtype != np.uint8 or image.ndim != 2:
-        raise DataError(f"an image must be grey uint8 (H, W), not {image.dtype} {image.shape}")
-    if min(image.shape) < definition.window:
-        raise DataError(f"image of {image.shape} is smaller than the texture window {definition.window}")
+    _check(image, definition)
     half = definition.window // 2
     gx, gy = (
         cv2.copyMakeBorder(g, half, half, half, half, cv2.BORDER_REFLECT_101) for g in derivatives(image)
@@ -81,6 +82,40 @@ def structure_tensor(image: NDArray[np.uint8], definition: TextureDefinition | N
         lambda first, last: _kernels.box_products(gx, gy, definition.window, first, last, S), len(S), ROWS
     )
     return S
+
+
+def tensors_at(
+    image: NDArray[np.uint8], pixels: Array, definition: TextureDefinition, gradients: Gradients | None = None
+) -> Array:
+    """Structure tensors (N, 3) at sub-pixel positions (N, 2), as `sample_tensor` gives them, to the bit.
+
+    Where they are few, only what lies around them is summed up. ``gradients`` are the image's `derivatives`,
+    where they are known.
+
+    Raises
+    ------
+    DataError
+        If the image is not a two-dimensional uint8 array of at least the window's size.
+    """
+    _check(image, definition)
+    if len(pixels) * (definition.window + 1) ** 2 > image.size or min(image.shape) < 2:
+        return sample_tensor(structure_tensor(image, definition), pixels)
+    gx, gy = gradients or derivatives(image)
+    pixels = np.ascontiguousarray(pixels, dtype=np.float64)
+    S = np.empty((len(pixels), 3))
+    in_bands(
+        lambda first, last: _kernels.tensors_at(gx, gy, pixels, definition.window, first, last, S),
+        len(S),
+        POINTS,
+    )
+    return S
+
+
+def _check(image: NDArray[np.uint8], definition: TextureDefinition) -> None:
+    if image.dtype != np.uint8 or image.ndim != 2:
+        raise DataError(f"an image must be grey uint8 (H, W), not {image.dtype} {image.shape}")
+    if min(image.shape) < definition.window:
+        raise DataError(f"image of {image.shape} is smaller than the texture window {definition.window}")
 
 
 def eigenbasis(S: Array) -> tuple[Array, Array]:

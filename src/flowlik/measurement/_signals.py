@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flowlik.errors import ModelError
 from flowlik.flow.base import FlowMethod, Image, backward_method, sampler
 from flowlik.image import _kernels
-from flowlik.image.texture import derivatives
+from flowlik.image.texture import Gradients
 from flowlik.support.arrays import Array
 from flowlik.support.threads import in_bands
 
@@ -24,10 +24,14 @@ PATCHES = 1_000
 
 @dataclass(frozen=True)
 class Pair:
-    """An image pair, the method, its flow as a function of pixels (N, 2), and the vectors in question."""
+    """An image pair, the method, its flow as a function of pixels (N, 2), and the vectors in question.
+
+    ``gradients`` are those of the previous image.
+    """
 
     previous: Image
     current: Image
+    gradients: Gradients
     method: FlowMethod
     flow_at: Callable[[Array], Array]
     pixels: Array
@@ -75,7 +79,7 @@ def _standard_error(pair: Pair) -> Array:
     variance of rounding to whole grey levels (White, Econometrica 48, 1980; Liang and Zeger, Biometrika 73,
     1986). Where a patch holds two motions, its blocks disagree, however strong its texture is.
     """
-    gx, gy = derivatives(pair.previous)
+    gx, gy = pair.gradients
     covariance = np.empty((len(pair.pixels), 3))
     in_bands(
         lambda first, last: _kernels.standard_errors(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from flowlik.errors import DataError
 from flowlik.flow.base import DenseFlow, FlowMethod, Windowed, all_pixels, check_pair, describe, sampler
-from flowlik.image.texture import TextureDefinition, eigenbasis, sample_tensor, structure_tensor
+from flowlik.image.texture import Gradients, TextureDefinition, derivatives, eigenbasis, tensors_at
 from flowlik.measurement._signals import Pair, signal
 from flowlik.support.arrays import Array
 
@@ -118,9 +118,10 @@ def measure(
         flow = flow_at(pixels)
     else:
         pixels, flow = method.measure(previous, current)
-    m = attach_texture(previous, pixels, flow, method, texture)
-    pair = Pair(previous, current, method, flow_at, m.pixels, m.flow)
-    placed = method.anchors(previous, m.pixels) if isinstance(method, Windowed) else m.pixels
+    gradients = derivatives(previous)
+    m = _textured(previous, gradients, pixels, flow, method, texture)
+    pair = Pair(previous, current, gradients, method, flow_at, m.pixels, m.flow)
+    placed = method.anchors(gradients, m.pixels) if isinstance(method, Windowed) else m.pixels
     return replace(m, pixels=placed, signals={name: signal(name)(pair) for name in signals})
 
 
@@ -138,10 +139,21 @@ def attach_texture(
     DataError
         If the image is not grey uint8, or smaller than the texture's window.
     """
+    return _textured(previous, None, pixels, flow, method, texture)
+
+
+def _textured(
+    previous: NDArray[np.uint8],
+    gradients: Gradients | None,
+    pixels: Array,
+    flow: Array,
+    method: FlowMethod,
+    texture: TextureDefinition | None,
+) -> Measurements:
     texture = texture or TextureDefinition()
     known = np.asarray(np.isfinite(flow).all(axis=1))
     pixels, flow = np.asarray(pixels[known], np.float64), np.asarray(flow[known], np.float64)
-    t, R_i_e = eigenbasis(sample_tensor(structure_tensor(previous, texture), pixels))
+    t, R_i_e = eigenbasis(tensors_at(previous, pixels, texture, gradients))
     lost = int(np.sum(~known))
     return Measurements(pixels, flow, R_i_e, t, texture, describe(method), lost=lost)
 
