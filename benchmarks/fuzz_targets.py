@@ -9,29 +9,32 @@ import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from tests.datasets import camera_files, fakes, test_kitti, test_kitti_raw
+from tests.datasets import camera_files, fakes, test_kitti, test_kitti_raw, test_numbering, test_truth
+from tests.datasets.ros_bags import Message, make_bag
 from tests.datasets.test_open_sequence import MAKERS
 from tests.odometry.test_ros_odometry import write_bag
 from tests.odometry.test_trajectory_covariance import steps
 
 from flowlik.calibration import load_sketch, save_sketch
 from flowlik.calibration.sketch import ErrorSketch
-from flowlik.datasets import open_sequence
+from flowlik.datasets import ImageSequence, open_sequence
 from flowlik.datasets.base import read_grey
 from flowlik.datasets.camera_file import read_camera
 from flowlik.datasets.flow_files import read_flow
 from flowlik.datasets.mask_file import read_mask
 from flowlik.datasets.tartanair_files import encode_flow
+from flowlik.datasets.truth import with_truth
 from flowlik.datasets.uncertainty_file import read_uncertainty, write_uncertainty
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
+from flowlik.geometry.pose_table import read_pose_table
 from flowlik.geometry.trajectory import Trajectory, chain, read_trajectory, write_kitti, write_tum
 from flowlik.likelihood.model_file import load_likelihood
 from flowlik.likelihood.schedule import Index
@@ -58,9 +61,13 @@ class Target(NamedTuple):
     use: Callable[[Path], object]
 
 
-def everything(path: Path, format: str | None) -> None:
+def everything(path: Path, format: str | None, **options: Any) -> None:
     """Ask a sequence for all it has."""
-    sequence = open_sequence(path, format)
+    ask(open_sequence(path, format, **options))
+
+
+def ask(sequence: ImageSequence) -> None:
+    """Ask a sequence for all that its first frames have."""
     fields = [getattr(sequence, name) for name in FIELDS if hasattr(sequence, name)]
     for k in range(min(len(sequence), MOST_FRAMES)):
         for field in fields:
@@ -190,7 +197,32 @@ def _ros() -> dict[str, Target]:
         root.mkdir(parents=True)
         return write_bag(root / "bag", **options)
 
+    def driver(encoding: str, depth: str | None = None) -> Callable[[Path], Path]:
+        def make(root: Path) -> Path:
+            root.mkdir(parents=True)
+            grey = [
+                fakes.picture(k).astype(np.uint16 if encoding == "mono16" else np.uint8) for k in range(3)
+            ]
+            images = [Message(k, 100 + k, encoding, values) for k, values in enumerate(grey)]
+            if depth is not None:
+                kind = np.uint16 if depth == "16UC1" else np.float32
+                images += [
+                    Message(k, 100 + k, depth, (9 + values).astype(kind), topic="/depth")
+                    for k, values in enumerate(grey)
+                ]
+            return make_bag(root / "bag", images)
+
+        return make
+
     return {
+        "ros mono16": Target(driver("mono16"), lambda path: everything(path, "ros")),
+        "ros nv12": Target(driver("nv12"), lambda path: everything(path, "ros")),
+        **{
+            f"ros depth {kind}": Target(
+                driver("mono8", kind), lambda path: everything(path, "ros", depth_topic="/depth")
+            )
+            for kind in ("16UC1", "32FC1")
+        },
         "ros mcap": Target(bag, lambda path: everything(path, "ros")),
         "ros sqlite": Target(
             lambda root: bag(root, plugin="SQLITE3", encoding="jpeg"), lambda path: everything(path, "ros")
@@ -232,6 +264,11 @@ def _cameras() -> dict[str, Target]:
         )
         for suffix in ("yml", "xml", "json")
     }
+
+    def fisheye(path: Path) -> None:
+        camera_files.written_by_opencv(path, fisheye=True)
+
+    opencv["camera opencv fisheye"] = Target(file_of("camera.yml", fisheye), use_camera)
     stereo = file_of("camera", lambda p: p.write_text(camera_files.ORB_SLAM_STEREO))
     return found | opencv | {"camera orb-slam stereo": Target(stereo, lambda p: use_camera(p, "LEFT"))}
 
@@ -246,6 +283,54 @@ def use_camera(path: Path, name: str | None = None) -> None:
                 lens.valid(shape)
 
 
+def _poses() -> dict[str, Target]:
+    """Files of poses in each layout."""
+    matrices = chain(m.T_k_prev for m in steps(4)).as_matrix()
+    last = np.tile([0.0, 0, 0, 1], (5, 1))
+    rows = matrices[:, :3].reshape(5, 12)
+    numbers = np.arange(5.0)[:, None]
+    quaternions = np.tile([1.0, 2, 3, 0, 0, 0.6, 0.8], (5, 1))
+    tables = {
+        "7": quaternions,
+        "13": np.hstack([numbers, rows]),
+        "13 times": np.hstack([numbers + 0.5, rows]),
+        "16": np.hstack([rows, last]),
+        "17": np.hstack([numbers, rows, last]),
+    }
+
+    def euroc(path: Path) -> None:
+        text = "".join(f"{10**9 + k},{','.join(map(str, row))},0,0,0\n" for k, row in enumerate(quaternions))
+        path.write_text(f"#timestamp,x,y,z\n{text}")
+
+    def use(path: Path) -> None:
+        with contextlib.suppress(DataError):
+            read_pose_table(path, lenient=True)
+        read_pose_table(path)
+
+    return {
+        **{
+            f"poses {name}": Target(file_of("p.txt", lambda p, table=table: np.savetxt(p, table)), use)
+            for name, table in tables.items()
+        },
+        "poses euroc": Target(file_of("p.csv", euroc), use),
+        "poses tum": Target(file_of("p.txt", lambda p: write_tum(p, _trajectory()[0])), use),
+    }
+
+
+def _truth(root: Path) -> Path:
+    test_truth.make_images(root)
+    return test_truth.write_tum(root / "truth.txt", range(test_truth.COUNT)).parent
+
+
+def _lenient() -> dict[str, Target]:
+    """Readers that go on over what is missing or double."""
+    makers = {"kitti": _kitti, "tartanair": _tartanair, **{n: MAKERS[n] for n in ("euroc", "tum-rgbd")}}
+    return {
+        f"lenient {name}": Target(make, lambda path, name=name: everything(path, name, lenient=True))
+        for name, make in makers.items()
+    }
+
+
 def targets() -> dict[str, Target]:
     """All targets by name."""
     makers = {**MAKERS, "kitti": _kitti, "kitti-raw": test_kitti_raw.make_drive, "tartanair": _tartanair}
@@ -256,6 +341,14 @@ def targets() -> dict[str, Target]:
     model = shipped()["lucas-kanade-lcm"], shipped()["dis"]
     return {
         **found,
+        "reader tartanair v1": Target(
+            test_numbering.make_tartanair_v1, lambda path: everything(path, "tartanair")
+        ),
+        **_lenient(),
+        **_poses(),
+        "truth": Target(
+            _truth, lambda root: ask(with_truth(open_sequence(root / "walk"), root / "truth.txt"))
+        ),
         **_ros(),
         **_images(),
         **{f"flow {suffix}": _flow(suffix) for suffix in ("flo", "png", "npy", "npz", "pfm")},
