@@ -5,7 +5,11 @@ import cv2
 import numpy as np
 import pytest
 
+from flowlik.datasets import open_sequence
 from flowlik.datasets.flow_files import write_flo, write_kitti_flow
+from flowlik.datasets.lens import Lens
+from flowlik.datasets.lens_models import BrownConrady
+from flowlik.datasets.selection import Selection
 from flowlik.egomotion import ransac
 from flowlik.errors import DataError, ModelError
 from flowlik.flow import (
@@ -220,3 +224,28 @@ def test_a_model_records_the_label_and_no_path(tmp_path):
     for nonsense in ({"label": 3}, {"label": "a b"}, {}, {"label": "a", "path": "x"}):
         with pytest.raises(ModelError):
             check_record({"name": "flow-files", **nonsense})
+
+
+@pytest.mark.parametrize("around", [lambda s: s, lambda s: Selection(s, [0, 1, 2])], ids=["alone", "chosen"])
+def test_flow_of_the_images_as_they_are_is_undistorted_with_them(tmp_path, around):
+    """A plane before the lens moves evenly: the files' vectors differ, those of the pinhole are all alike."""
+    shape, move = (48, 64), np.array([1.5, -0.8])
+    lens = Lens(50, 50, 31.5, 23.5, BrownConrady((-0.2, 0.0, 0.0, 0.0)))
+    grid = np.stack(np.meshgrid(*map(np.arange, shape[::-1])), axis=-1).reshape(-1, 2).astype(float)
+    points = (lens.straighten(grid, shape) + move - (31.5, 23.5)) / 50
+    ends = cv2.projectPoints(
+        np.column_stack([points, np.ones(len(points))]), np.zeros(3), np.zeros(3), lens.pinhole(shape).K,
+        np.array([-0.2, 0, 0, 0]),
+    )[0].reshape(-1, 2)  # fmt: skip
+    flow = (ends - grid).reshape(*shape, 2).astype(np.float32)
+    (tmp_path / "flow").mkdir()
+    for k in range(3):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), textured_image(shape))
+        np.save(tmp_path / f"flow/{k}.npy", flow)
+    (tmp_path / "flow/2.npy").unlink()
+    sequence = around(open_sequence(tmp_path, camera=lens))
+    method = FlowFiles("mine", tmp_path / "flow").for_pair(sequence, 1)
+    found = method.dense(sequence.image(1), sequence.image(2))[lens.valid(shape)]
+    assert np.isfinite(found).mean() > 0.9
+    np.testing.assert_allclose(found[np.isfinite(found).all(axis=1)] - move, 0, atol=0.02)
+    assert np.abs(flow - move).max() > 0.2  # what was compared with the pinhole's motion before

@@ -90,3 +90,11 @@ class Undistorted(Wrapped):
         """Return which pixels (H, W) of frame k the depth of frame k + 1 shows again."""
         motion = motion_to_next(self, k)
         return is_visible(visibility_next(self.camera, self.depth(k), self.depth(k + 1), motion))
+
+
+def removed_lens(sequence: ImageSequence) -> Lens | None:
+    """Lens whose distortion was removed from a sequence's images, through what is around it; None if none."""
+    inner: ImageSequence | None = sequence
+    while inner is not None and not isinstance(inner, Undistorted):
+        inner = inner.inner if isinstance(inner, Wrapped) else inner.__dict__.get("whole")
+    return None if inner is None else inner.lens

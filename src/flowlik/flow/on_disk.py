@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from flowlik.datasets.flow_files import SUFFIXES, read_flow
 from flowlik.datasets.flow_png import check_coding
+from flowlik.datasets.lens import Lens
+from flowlik.datasets.undistorted import removed_lens
 from flowlik.errors import DataError, ModelError
 from flowlik.flow.base import NOT_RECORDED, DenseFlow, FlowMethod, FlowOfPairs, Image, as_dense, check_pair
 
@@ -26,7 +28,8 @@ class FlowFiles(DenseFlow, FlowOfPairs):
     """Dense flow estimated elsewhere, in files that `flowlik.datasets.flow_files.read_flow` reads.
 
     The i-th file, by name and with numbers in it by value, is the flow of the i-th pair. In folders
-    ``forward`` and ``backward`` there may be the flow from frame k + 1 to k of each pair too.
+    ``forward`` and ``backward`` there may be the flow from frame k + 1 to k of each pair too. Flow is that of
+    the images as they are: where these are undistorted as they are read, so are its vectors.
 
     Parameters
     ----------
@@ -36,6 +39,10 @@ class FlowFiles(DenseFlow, FlowOfPairs):
         Folder of a sequence's files, or of folders named as the sequences; or the one file of a pair.
     back : Path, optional
         File of the pair's backward flow, where `path` is a file.
+    png : str, optional
+        Coding of PNG files that do not tell it themselves.
+    lens : Lens, optional
+        Lens that was removed from the images: both ends of every vector are moved with them.
 
     Raises
     ------
@@ -48,6 +55,7 @@ class FlowFiles(DenseFlow, FlowOfPairs):
     path: Path | None = field(default=None, metadata=NOT_RECORDED)
     back: Path | None = field(default=None, metadata=NOT_RECORDED)
     png: str | None = field(default=None, metadata=NOT_RECORDED)
+    lens: Lens | None = field(default=None, metadata=NOT_RECORDED)
 
     def __post_init__(self) -> None:
         if not (isinstance(self.label, str) and LABEL.fullmatch(self.label)):
@@ -64,7 +72,9 @@ class FlowFiles(DenseFlow, FlowOfPairs):
         path = self._path()
         own = path / sequence.name.rsplit("/", 1)[-1]
         pairs = len(sequence) - 1
-        return self._bound(own if own.is_dir() else path, pairs, k, f"{pairs + 1} images of {sequence.name}")
+        of = f"{pairs + 1} images of {sequence.name}"
+        bound = self._bound(own if own.is_dir() else path, pairs, k, of)
+        return replace(bound, lens=removed_lens(sequence))
 
     def backward(self) -> FlowFiles:
         """Return the method that reads the backward flow of the pair.
@@ -96,7 +106,7 @@ class FlowFiles(DenseFlow, FlowOfPairs):
         if flow.shape[:2] != previous.shape:
             sizes = f"{flow.shape[1]}x{flow.shape[0]} for images of {previous.shape[1]}x{previous.shape[0]}"
             raise DataError(f"{path}: flow of {sizes}")
-        return as_dense(flow)
+        return as_dense(flow if self.lens is None else self.lens.straighten_flow(flow))
 
     def _path(self) -> Path:
         if self.path is None:
