@@ -102,7 +102,7 @@ def calibrate(
     check_schedule(schedule)
     config = {"data": [str(folder) for folder in data], "method": method, **options.asdict()}
     run = RunFolder(out, command, config, seed)
-    sequences = [read_data(folder, options, run) for folder in data]
+    sequences = [read_data(folder, options, run, flow) for folder in data]
     names = ", ".join(sequence.name for sequence in sequences)
     provenance: dict[str, object] = {"data": names, "seed": seed, **options.images}
     keys = {"split": "calibration", **options.images}

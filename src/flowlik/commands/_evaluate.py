@@ -60,7 +60,7 @@ def evaluate(
     config = {"model": str(model), "data": [str(folder) for folder in data], **options.asdict()}
     run = RunFolder(out, command, config, options.seed)
     for number, folder in enumerate(data):
-        sequence = read_data(folder, options, run)
+        sequence = read_data(folder, options, run, flow)
         blocks = split_blocks(sequence, options.seed)
         task = Task(flow, (index,), kept_for_eigenbasis(index), likelihood.texture)
         found = sketch_for_run(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.commands.options import FlowOptions
+from flowlik.datasets.agreement import pair_doubt
 from flowlik.datasets.base import read_grey
 from flowlik.datasets.flow_files import read_flow, write_flo, write_kitti_flow
 from flowlik.datasets.flow_png import MOST_PX
@@ -16,8 +18,8 @@ from flowlik.datasets.intrinsics import given_lens
 from flowlik.datasets.uncertainty_file import write_uncertainty
 from flowlik.errors import DataError
 from flowlik.evaluation.likelihood import outside_warning
-from flowlik.flow import coded, confirmed_method, describe, method_label
-from flowlik.flow.base import Image
+from flowlik.flow import FlowFiles, coded, confirmed_method, describe, method_label
+from flowlik.flow.base import FlowMethod, Image
 from flowlik.image.sampling import sample_flow
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.model_file import load_likelihood
@@ -66,15 +68,22 @@ def flow(
     """
     likelihood = load_likelihood(model)
     chosen = coded(confirmed_method(likelihood.method or {}, options.method), options.flow_png)
-    image, following = (_undistorted(read_grey(path), options.camera) for path in (previous, current))
+    image, following = read_grey(previous), read_grey(current)
+    lens = None if options.camera is None else given_lens(options.camera, image.shape)
+    if lens is not None:
+        image, following = lens.undistort(image), lens.undistort(following)
+        chosen = replace(chosen, lens=lens) if isinstance(chosen, FlowFiles) else chosen
     signals = likelihood.signals
     m = measure(image, following, chosen, likelihood.texture, signals=signals)
     if not len(m):
         raise DataError(f"{previous}: no flow vector could be measured (no texture?)")
-    true_flow = None if options.truth is None else _read_truth(options.truth, options.flow_png, image.shape)
+    true_flow = None
+    if options.truth is not None:
+        true_flow = _read_truth(options.truth, options.flow_png, image.shape)
+        true_flow = true_flow if lens is None else lens.straighten_flow(true_flow)
     config = {"images": [str(previous), str(current)], "model": str(model), **options.asdict()}
     run = RunFolder(out, command, {**config, "flow": describe(chosen)})
-
+    _warn_of_doubts(run, (image, following), true_flow, chosen)
     shown = viewer(options.view, run.begin() / "view.rrd" if options.record else None)
     x, confidence = likelihood.coordinate(m), options.confidence
     half_width = likelihood.bound(x, confidence)
@@ -90,6 +99,19 @@ def flow(
     shown.close()
     finish(run)
     return run
+
+
+def _warn_of_doubts(
+    run: RunFolder, images: tuple[Image, Image], true_flow: Array | None, method: FlowMethod
+) -> None:
+    """Let a run warn of true flow, or of flow on disk, that is not that of the images."""
+    doubts = []
+    if true_flow is not None:
+        doubts.append(pair_doubt("true flow", images, true_flow))
+    if isinstance(method, FlowFiles):
+        doubts.append(pair_doubt(f"flow {method.label}", images, method.dense(*images), exact=False))
+    for doubt in filter(None, doubts):
+        run.warn(doubt)
 
 
 def _write(
@@ -109,10 +131,6 @@ def _write(
     if beyond.any():
         run.warn(f"flow.png holds up to {MOST_PX} px: {int(beyond.sum())} vectors beyond are left out of it")
     write_kitti_flow(run.path / "flow.png", np.where(np.expand_dims(beyond, -1), np.nan, flow))
-
-
-def _undistorted(image: Image, camera: str | None) -> Image:
-    return image if camera is None else given_lens(camera, image.shape).undistort(image)
 
 
 def _read_truth(path: Path, png: str | None, shape: tuple[int, ...]) -> Array:

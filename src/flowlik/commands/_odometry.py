@@ -12,6 +12,7 @@ import numpy as np
 
 from flowlik.commands._odometry_files import write_frames, write_intrinsics
 from flowlik.commands._odometry_results import Flown, report_odometry
+from flowlik.commands._reading import warn_of_doubts
 from flowlik.commands.options import OdometryOptions
 from flowlik.datasets import masked, open_sequence, resized
 from flowlik.datasets.base import ImageSequence
@@ -95,6 +96,7 @@ def odometry(
     run = RunFolder(
         out, command, {"data": str(data), **options.asdict(), "flow": describe(flow)}, options.seed
     )
+    warn_of_doubts(run, sequence, flow)
 
     settings = SelfCalibration() if options.self_calibrate else None
     robot = Odometry(

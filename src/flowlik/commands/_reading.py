@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from flowlik.commands.options import Data
-from flowlik.datasets import masked, open_sequence, resized
+from flowlik.datasets import masked, open_sequence, resized, truth_doubts
+from flowlik.datasets.agreement import flow_doubt
 from flowlik.datasets.base import ImageSequence, notes_of
-from flowlik.datasets.selection import usable
+from flowlik.datasets.selection import usable, whole_pair
+from flowlik.flow import FlowFiles
+from flowlik.flow.base import FlowMethod
 from flowlik.results.runs import RunFolder
 
 
-def read_data(folder: Path, options: Data, run: RunFolder) -> ImageSequence:
+def read_data(folder: Path, options: Data, run: RunFolder, flow: FlowMethod) -> ImageSequence:
     """Sequence of a folder: masked, resized, without frames that cannot be used; the run warns of these.
+
+    It warns too where the data test finds that images do not move as the truth or flow on disk says.
 
     Raises
     ------
@@ -27,4 +36,18 @@ def read_data(folder: Path, options: Data, run: RunFolder) -> ImageSequence:
             run.warn(f"{sequence.name}: frame {bad.frame} skipped: {bad.reason}")
     for note in notes_of(sequence):
         run.warn(note)
+    warn_of_doubts(run, sequence, flow)
     return sequence
+
+
+def warn_of_doubts(run: RunFolder, sequence: ImageSequence, flow: FlowMethod) -> None:
+    """Let a run warn of truth, or of flow on disk, that is not that of the images."""
+    for doubt in truth_doubts(sequence):
+        run.warn(doubt)
+    if isinstance(flow, FlowFiles) and (of_flow := flow_doubt(sequence, _on_disk(sequence, flow))):
+        run.warn(of_flow)
+
+
+def _on_disk(sequence: ImageSequence, flow: FlowFiles) -> Callable[[int], NDArray[np.float32]]:
+    """Flow (H, W, 2) [px] from frame k to k + 1, as files say."""
+    return lambda k: flow.for_pair(*whole_pair(sequence, k)).dense(sequence.image(k), sequence.image(k + 1))

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flowlik.datasets import layouts
+from flowlik.datasets.agreement import truth_doubts
 from flowlik.datasets.base import ImageSequence, frame_pairs, mask_of
 from flowlik.datasets.camera_file import read_camera
 from flowlik.datasets.lens import Lens
@@ -34,6 +35,7 @@ __all__ = [
     "read_uncertainty",
     "resized",
     "select_frames",
+    "truth_doubts",
 ]
 
 

@@ -138,7 +138,15 @@ class FrameFiles(Lacking):
 
 
 class DepthFrames(FrameFiles):
-    """Image files with depth and poses: flow and visibility follow from them."""
+    """Image files with depth and poses: flow and visibility follow from them.
+
+    Attributes
+    ----------
+    measured_truth : bool
+        Whether sensors measured the truth, so that it may be a pixel or two off.
+    """
+
+    measured_truth = True
 
     def flow(self, k: int) -> NDArray[np.float64]:
         """Return the flow (H, W, 2) [px] of depth and poses, in float64; occluded pixels keep theirs.

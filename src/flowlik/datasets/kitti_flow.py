@@ -41,6 +41,7 @@ class KittiFlow(ImagePairs):
     """
 
     png: ClassVar[str | None] = "kitti"
+    measured_truth: ClassVar[bool] = True
 
     def __init__(self, folder: Path | str) -> None:
         self.folder = Path(folder)

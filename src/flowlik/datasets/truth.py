@@ -40,6 +40,8 @@ class WithTruth(Selection):
         If the sequence has no such frames.
     """
 
+    measured_truth = True
+
     def __init__(
         self, whole: ImageSequence, frames: NDArray[np.int64], poses: RigidTransform, path: Path
     ) -> None:
