@@ -24,7 +24,7 @@ from functools import partial
 from pathlib import Path
 
 from flowlik.cli import main as flowlik
-from flowlik.commands import calibrate as calibration
+from flowlik.commands import _calibrate as calibration
 from flowlik.report import build  # noqa: F401  loaded once, before the processes part
 
 SIMULATE = [
@@ -86,7 +86,7 @@ def left(folder: Path, command: str) -> object:
         return {str(p.relative_to(folder)): p.read_bytes() for p in files}
     (path,) = (folder / "models").glob("*.json")
     model = json.loads(path.read_text())
-    return {key: model[key] for key in ("family", "index", "knots", "table", "score_correlation")}
+    return {key: model[key] for key in ("family", "index", "knots", "table", "shared_errors")}
 
 
 def main() -> int:
