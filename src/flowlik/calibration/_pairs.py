@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flowlik.datasets.base import ImageSequence
+from flowlik.datasets.base import ImageSequence, mask_of
 from flowlik.datasets.selection import whole_pair
 from flowlik.flow.base import DenseFlow, FlowMethod, Image, method_for_pair
 from flowlik.flow.lucas_kanade import detect_corners
 from flowlik.image.sampling import sample_flow
 from flowlik.image.texture import TextureDefinition
+from flowlik.measurement.masking import clear_pixels, ending_clear
 from flowlik.measurement.measurements import Measurements, measure, stratified_pixels
 from flowlik.support.arrays import Array
 
@@ -55,7 +56,8 @@ def pair_errors(
 ) -> PairErrors:
     """Errors of the flow from frame k to k + 1 against the sequence's truth.
 
-    Kept are pixels of known truth whose true end lies in the image; occluded ones stay.
+    Kept are pixels of known truth whose true end lies in the image; occluded ones stay. Nothing is measured
+    whose windows hold what is masked.
 
     Parameters
     ----------
@@ -73,10 +75,13 @@ def pair_errors(
         Signals to measure besides.
     """
     method = method_for_pair(method, *whole_pair(sequence, k))
-    m = measure(sequence.image(k), sequence.image(k + 1), method, texture, pixels, signals)
+    images, usable = (sequence.image(k), sequence.image(k + 1)), mask_of(sequence, k)
+    texture = texture or TextureDefinition()
+    pixels = clear_pixels(images, method, texture, usable, pixels)
+    m = ending_clear(measure(*images, method, texture, pixels, signals), method, usable)
     truth = sample_flow(sequence.flow(k), m.pixels)
     known = np.asarray(np.isfinite(truth).all(axis=1))
-    height, width = sequence.image(k).shape
+    height, width = images[0].shape
     end = m.pixels + truth
     with np.errstate(invalid="ignore"):
         stays = ((end >= 0) & (end <= [width - 1, height - 1])).all(axis=1)

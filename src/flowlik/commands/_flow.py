@@ -23,6 +23,7 @@ from flowlik.flow.base import FlowMethod, Image
 from flowlik.image.sampling import sample_flow
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.model_file import load_likelihood
+from flowlik.measurement.masking import clear_pixels, ending_clear
 from flowlik.measurement.measurements import Measurements, measure
 from flowlik.report import finish
 from flowlik.report.viewer import viewer
@@ -74,7 +75,10 @@ def flow(
         image, following = lens.undistort(image), lens.undistort(following)
         chosen = replace(chosen, lens=lens) if isinstance(chosen, FlowFiles) else chosen
     signals = likelihood.signals
-    m = measure(image, following, chosen, likelihood.texture, signals=signals)
+    usable = lens.valid(image.shape) if lens is not None and lens.distorts else None
+    pixels = clear_pixels((image, following), chosen, likelihood.texture, usable)
+    m = measure(image, following, chosen, likelihood.texture, pixels, signals)
+    m = ending_clear(m, chosen, usable)
     if not len(m):
         raise DataError(f"{previous}: no flow vector could be measured (no texture?)")
     true_flow = None

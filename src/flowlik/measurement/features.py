@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flowlik.flow.base import DenseFlow, FlowMethod, Image
 from flowlik.image.texture import TextureDefinition
+from flowlik.measurement.masking import clear_pixels, ending_clear
 from flowlik.measurement.measurements import Measurements, measure, stratified_pixels
 
 DENSE_PIXELS = 4000
@@ -20,8 +22,11 @@ def measure_features(
     texture: TextureDefinition,
     seed: int = 0,
     signals: Iterable[str] = (),
+    usable: NDArray[np.bool_] | None = None,
 ) -> Measurements:
     """Measure at a method's own corners, or at 4000 stratified pixels of a dense one.
+
+    Where some pixels (H, W) are not usable, nothing is measured whose windows hold them, in either image.
 
     Raises
     ------
@@ -31,7 +36,9 @@ def measure_features(
     pixels = None
     if isinstance(method, DenseFlow):
         pixels = stratified_pixels(previous.shape, DENSE_PIXELS, np.random.default_rng(seed))
-    return measure(previous, current, method, texture, pixels, signals)
+    pixels = clear_pixels((previous, current), method, texture, usable, pixels)
+    m = measure(previous, current, method, texture, pixels, signals)
+    return ending_clear(m, method, usable)
 
 
 def features_of(method: FlowMethod) -> str:

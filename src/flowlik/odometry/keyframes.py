@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
+from flowlik.datasets.base import mask_of
 from flowlik.datasets.selection import Selection
 from flowlik.errors import DataError
 from flowlik.flow.base import FlowMethod, FlowOfPairs
@@ -44,7 +45,11 @@ def moving_frames(
     kept, last = [0], sequence.image(0)
     for k in walk(range(1, len(sequence))):
         image = sequence.image(k)
-        _, flow = method.measure(last, image)
+        pixels, flow = method.measure(last, image)
+        usable = mask_of(sequence, kept[-1])
+        if usable is not None:
+            column, row = np.rint(pixels).astype(np.int64).T
+            flow = flow[usable[row, column]]
         lengths = np.linalg.norm(flow, axis=-1)
         lengths = lengths[np.isfinite(lengths)]
         if len(lengths) and np.median(lengths) > parallax_px:

@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterator
 from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flowlik.datasets.base import ImageSequence
+from flowlik.datasets.base import ImageSequence, mask_of
 from flowlik.datasets.selection import whole_pair
 from flowlik.egomotion import EgoMotion
 from flowlik.flow.base import FlowMethod, Image, method_for_pair
@@ -39,6 +40,7 @@ class _Pair(NamedTuple):
     current: Image
     depth: Array | None
     method: FlowMethod
+    usable: NDArray[np.bool_] | None
 
 
 def measure_sequence(
@@ -83,8 +85,9 @@ def measure_sequence(
 
     def measured(pair: _Pair) -> MeasuredPair:
         m = measure_features(
-            pair.previous, pair.current, pair.method, likelihood.texture, seed + pair.k, likelihood.signals
-        )
+            pair.previous, pair.current, pair.method, likelihood.texture, seed + pair.k, likelihood.signals,
+            pair.usable,
+        )  # fmt: skip
         return MeasuredPair(pair.k, pair.timestamp, m, pair.depth)
 
     count = len(sequence) if frames is None else min(frames, len(sequence))
@@ -99,7 +102,8 @@ def _pairs(sequence: ImageSequence, method: FlowMethod, depth: bool, count: int)
         check_frame(sequence.camera, *frame)
         if previous is not None:
             own = method_for_pair(method, *whole_pair(sequence, k - 1))
-            yield _Pair(k, sequence.timestamp(k), previous[0], frame[0], previous[1], own)
+            usable = mask_of(sequence, k - 1)
+            yield _Pair(k, sequence.timestamp(k), previous[0], frame[0], previous[1], own, usable)
         previous = frame
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.egomotion import EgoMotion, Epipolar, Estimator, KnownDepth, Residual, Status
@@ -83,6 +84,7 @@ class Odometry:
         self.timestamps: list[float] = []
         self._image: Image | None = None
         self._depth: Array | None = None
+        self._usable: NDArray[np.bool_] | None = None
         self._model = ConstantVelocity()
         self._length_m: float | None = None
 
@@ -93,6 +95,7 @@ class Odometry:
         depth: Array | None = None,
         distance_m: float | None = None,
         reference_m: Array | None = None,
+        usable: NDArray[np.bool_] | None = None,
     ) -> EgoMotion:
         """Take the next image and return the motion since the one before.
 
@@ -115,6 +118,8 @@ class Odometry:
         reference_m : array (3,), optional
             The reference's move since the previous image [m], in its own frame at that time: used by the
             boresight of the frames after this one.
+        usable : bool array (H, W), optional
+            Pixels of this image and of the next that are of the scene: not under a mask, not beyond a lens.
 
         Returns
         -------
@@ -133,10 +138,10 @@ class Odometry:
         else:
             likelihood, seed = self.estimator.likelihood, self.seed + len(self.poses)
             m = measure_features(
-                self._image, image, self.method, likelihood.texture, seed, likelihood.signals
+                self._image, image, self.method, likelihood.texture, seed, likelihood.signals, self._usable
             )
             motion = self.advance(m, self._depth, distance_m, reference_m, timestamp)
-        self._image, self._depth = image, depth
+        self._image, self._depth, self._usable = image, depth, usable
         return motion
 
     def begin(self, timestamp: float) -> None:
