@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -78,7 +78,7 @@ def staged(
 ) -> Clip:
     """Clip of rectangles; `rows` gives the poses (H,) of frame k's rows where they are not all alike."""
 
-    @lru_cache(maxsize=2)
+    @cache
     def seen(k: int) -> tuple[Array, Array]:
         now = scene(k) if callable(scene) else scene
         return now.view(CAMERA, poses[k] if rows is None else rows(k))

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.comparison.baselines import Pnp, opencv_essential, poselib_relative
+from flowlik.comparison.baselines import Pnp, opencv_essential
 from flowlik.egomotion import Epipolar, Estimator, KnownDepth, Residual, lcmsac, ransac
 from flowlik.flow import flow_method
 from flowlik.flow.base import DenseFlow, FlowMethod
@@ -167,7 +167,21 @@ def solve(name: str, residual: Residual) -> RigidTransform | None:
     assert isinstance(residual, Epipolar)
     if len(residual) < 5:
         return None
-    return (opencv_essential if name == "opencv" else poselib_relative)(residual, RADIUS_PX)
+    return opencv_essential(residual, RADIUS_PX) if name == "opencv" else poselib_pose(residual)
+
+
+def poselib_pose(residual: Epipolar) -> RigidTransform | None:
+    """Motion with a unit translation by PoseLib, after a hundred samples at least and not its thousand."""
+    import poselib
+
+    m, c = residual.measurements, residual.camera
+    camera = {"model": "PINHOLE", "width": c.width, "height": c.height, "params": [c.fx, c.fy, c.cx, c.cy]}
+    options = {"max_epipolar_error": RADIUS_PX, "min_iterations": 100}
+    pose, _ = poselib.estimate_relative_pose(m.pixels, m.pixels + m.flow, camera, camera, options, {})
+    t, R = np.asarray(pose.t), np.asarray(pose.R)
+    if not (np.isfinite(R).all() and np.linalg.norm(t) > 0):
+        return None
+    return RigidTransform.from_components(t / np.linalg.norm(t), Rotation.from_matrix(R))
 
 
 def inverse_normal_equations(residual: Residual, T: RigidTransform) -> Array:

@@ -242,10 +242,10 @@ def wandering(
 
 
 def frozen(seed: int, pairs: int, cache: Path) -> Clip:
-    """Every fourth frame is the one before once more, bit for bit, while the camera goes on."""
-    frames = 4 * pairs + 1
+    """Every third frame is the one before once more, bit for bit, while the camera goes on."""
+    frames = 3 * pairs + 1
     clip = hall(seed, frames, cache)
-    gone = np.arange(frames) % 4 == 3
+    gone = np.arange(frames) % 3 == 2
     images = with_images(clip, "frozen", lambda k: clip.image(k - 1 if gone[k] else k))
     return replace(images, judged=gone)
 
@@ -265,10 +265,10 @@ def dropped(seed: int, pairs: int, cache: Path) -> Clip:
 
 
 def exposure(seed: int, pairs: int, cache: Path) -> Clip:
-    """Exposure doubles or halves every third frame."""
-    frames = 3 * pairs + 1
+    """Exposure doubles or halves every other frame."""
+    frames = 2 * pairs + 1
     clip = hall(seed, frames, cache)
-    stops = np.array([0, 1, 0, -1])[(np.arange(frames) // 3) % 4]
+    stops = np.array([0, 1, 0, -1])[(np.arange(frames) // 2) % 4]
     light = with_images(clip, "exposure", lambda k: exposed(clip.image(k), 2.0 ** stops[k]))
     return replace(light, judged=np.append(False, np.diff(stops) != 0))
 

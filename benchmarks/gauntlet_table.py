@@ -10,13 +10,16 @@ from scipy.stats import chi2
 
 from flowlik.results.records import Record, protocol
 from gauntlet_judge import GROSSLY, Verdict
-from gauntlet_run import OURS, Cell
+from gauntlet_run import OURS, RIVALS, Cell
+
+NEAR_DEG, NEAR_M = 1.0, 0.005
 
 COLUMNS = (
     ("grossly_wrong_rate", "gross %", 100, ".1f"),
     ("outside_999_rate", "out %", 100, ".1f"),
     ("claimed_fraction", "claim %", 100, ".0f"),
     ("solved_fraction", "solved %", 100, ".0f"),
+    ("solved_of_rivals_fraction", "of rival", 100, ".0f"),
     ("region_50", "in 50", 100, ".0f"),
     ("region_90", "in 90", 100, ".0f"),
     ("rotation_median_deg", "rot deg", 1, ".3f"),
@@ -29,11 +32,15 @@ COLUMNS = (
 def records_of(found: Mapping[Cell, list[Verdict]], seed: int) -> Iterator[Record]:
     """Records of every cell: scenario as dataset, flow, estimator; the residual in the protocol."""
     for (scenario, flow, residual, estimator), verdicts in found.items():
-        covariance = "own" if estimator in OURS else "normal-equations"
+        covariance, metric = "own" if estimator in OURS else "normal-equations", residual == "depth"
         note = protocol(residual=residual, covariance=covariance)
-        for metric, (value, unit) in figures(verdicts, residual == "depth").items():
+        values = figures(verdicts, metric)
+        rivals = [found.get((scenario, flow, residual, name), []) for name in RIVALS]
+        if estimator in OURS and any(rivals):
+            values["solved_of_rivals_fraction"] = (solved_of_best(verdicts, rivals, metric), "")
+        for name, (value, unit) in values.items():
             yield Record(
-                metric, value, unit, scenario, flow, estimator=estimator, count=len(verdicts), seed=seed,
+                name, value, unit, scenario, flow, estimator=estimator, count=len(verdicts), seed=seed,
                 protocol=note,
             )  # fmt: skip
 
@@ -55,6 +62,18 @@ def figures(verdicts: list[Verdict], metric: bool) -> dict[str, tuple[float, str
         inside = squared[own] <= chi2.ppf(share, freedoms[own])
         values[f"region_{100 * share:.0f}"] = (_share(inside), "")
     return values
+
+
+def solved_of_best(verdicts: list[Verdict], rivals: list[list[Verdict]], metric: bool) -> float:
+    """Share solved of the motions that the best rival finds within 1 degree, with depth also 5 mm."""
+
+    def near(v: Verdict) -> bool:
+        # where there is no direction the rotation alone is judged
+        away = np.nan_to_num(v.translation)
+        return bool(v.rotation_deg <= NEAR_DEG and away <= (NEAR_M if metric else NEAR_DEG))
+
+    best = max(([near(v) for v in rival] for rival in rivals), key=sum)
+    return _share(np.array([v.solved for v, easy in zip(verdicts, best) if easy], dtype=bool))
 
 
 def table(records: list[Record]) -> str:

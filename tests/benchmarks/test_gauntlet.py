@@ -9,11 +9,17 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2, kstest
 
 import gauntlet_judge as judge
-from flowlik.egomotion import EgoMotion, Status
+import gauntlet_page as page
+import gauntlet_run
+import gauntlet_table as table
+from flowlik.egomotion import EgoMotion, Epipolar, KnownDepth, Status
 from flowlik.geometry.motion import exp_se3
+from flowlik.likelihood.model_file import load_likelihood
 from gauntlet_clips import CAMERA
 from gauntlet_scenarios import SCENARIOS
 from gauntlet_scene import Scene, natural_textures, plane, turn
+from tests.helpers import CAMERA as SCENE_CAMERA
+from tests.helpers import make_scene, random_motion
 
 SIMULATED = ("forest", "fig8", "drive")
 AT_EVENTS = ("black", "white", "grey", "frozen", "cut", "dropped", "exposure")
@@ -108,7 +114,7 @@ def test_a_turn_on_the_spot_is_judged_with_the_frames_after_it(cache):
     assert clip.judged[1:].sum() < len(turned)
 
 
-def drawn(metric, count=4000):
+def drawn(metric, count=1500):
     """Estimates whose errors are of the covariance that they state."""
     rng = np.random.default_rng(0)
     A = rng.normal(size=(6, 6)) * np.repeat([0.002, 0.004], 3)[:, None]
@@ -135,8 +141,8 @@ def test_of_motions_with_errors_as_told_one_in_a_thousand_is_outside(metric):
     radii, squared, freedoms = np.array(found).T
     assert set(freedoms) == {6 if metric else 5}
     assert kstest(chi2.cdf(squared, freedoms[0]), "uniform").pvalue > 0.01
-    # four are expected
-    assert 0 < (radii > 1).sum() < 13
+    # one or two are expected
+    assert (radii > 1).sum() < 7
     assert not (radii > judge.GROSSLY).any()
 
 
@@ -202,3 +208,87 @@ def test_still_is_an_answer_where_all_stands_still():
     motion = EgoMotion(RigidTransform.identity(), np.zeros((6, 6)), np.full((6, 6), np.nan), Status.STILL)
     assert judge.of_motion(motion, RigidTransform.identity(), False).solved
     assert not judge.of_motion(motion, TRUTH, False).solved
+
+
+def verdict(radii, solved=True, rotation=0.1, translation=0.001):
+    return judge.Verdict(
+        radii, radii**2 * chi2.ppf(0.999, 6), 0 if np.isnan(radii) else 6, solved, rotation, translation
+    )
+
+
+def test_rates_are_over_what_claims_something():
+    verdicts = [verdict(0.5), verdict(1.5), verdict(3.0, solved=False), verdict(np.nan, solved=False)]
+    values = {name: value for name, (value, _) in table.figures(verdicts, True).items()}
+    assert values["outside_999_rate"] == pytest.approx(2 / 3)
+    assert values["grossly_wrong_rate"] == pytest.approx(1 / 3)
+    assert values["claimed_fraction"] == 0.75 and values["solved_fraction"] == 0.5
+    # the 90 % region of six freedoms reaches to 0.69 of the 99.9 % one's radius, the 50 % region to 0.49
+    assert values["region_90"] == 0.5 and values["region_50"] == 0.0
+
+
+def test_what_the_best_rival_finds_is_asked_of_us():
+    ours = [verdict(0.5), verdict(0.5, solved=False), verdict(0.5, solved=False), verdict(0.5)]
+    poor = [verdict(0.5, rotation=2.0)] * 4
+    good = [verdict(0.5), verdict(0.5), verdict(0.5, translation=0.006), verdict(0.5, translation=np.nan)]
+    assert table.solved_of_best(ours, [poor, good], True) == pytest.approx(2 / 3)
+
+
+def test_tables_of_a_page_are_put_between_its_marks(tmp_path):
+    found = {
+        ("pan-1", flow, kind, who): [verdict(0.5)] * 3 + [verdict(3.0)]
+        for flow in ("lucas-kanade", "dis", "farneback")
+        for kind in ("depth", "epipolar")
+        for who in ("lcmsac", "opencv")
+    }
+    records = list(table.records_of(found, 7))
+    assert page.pooled(records, "grossly_wrong_rate", estimator="opencv", residual="depth") == 0.25
+    path = tmp_path / "page.md"
+    path.write_text(f"before\n{page.BEGIN}\nold\n{page.END}\nafter\n", encoding="utf-8")
+    page.write_docs(path, records)
+    text = path.read_text(encoding="utf-8")
+    assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
+    assert "| pan of 1° a frame | **25.0** / 25.0 · 100 |" in text
+    page.heat_map(records, tmp_path / "map.png")
+    assert cv2.imread(str(tmp_path / "map.png")) is not None
+    path.write_text("no marks", encoding="utf-8")
+    with pytest.raises(ValueError, match="no place"):
+        page.write_docs(path, records)
+
+
+def test_measurements_come_back_as_they_were_kept(cache):
+    clip = SCENARIOS["plane-fronto"].make(0, 2, cache)
+    likelihood = load_likelihood("lucas-kanade")
+    made = gauntlet_run.measurements(clip, likelihood, 0, cache)
+    kept = gauntlet_run.measurements(clip, likelihood, 0, cache)
+    assert len(made) == len(kept) == 2
+    for a, b in zip(made, kept):
+        np.testing.assert_array_equal(a.flow, b.flow)
+        assert a.method == b.method and a.texture == b.texture and a.lost == b.lost
+        assert set(a.signals) == set(b.signals) == set(likelihood.signals)
+        for name in a.signals:
+            np.testing.assert_array_equal(a.signals[name], b.signals[name])
+
+
+def test_measurements_agree_with_the_true_motion(cache):
+    clip = SCENARIOS["plane-fronto"].make(0, 2, cache)
+    for k, m in enumerate(gauntlet_run.measurements(clip, load_likelihood("lucas-kanade"), 0, cache), 1):
+        depth = gauntlet_run.depths_at(clip, [m] if k == 1 else [m, m])[k - 1]
+        points = depth[:, None] * clip.camera.rays(m.pixels)
+        T = clip.truth(k)
+        ends, _ = cv2.projectPoints(points, T.rotation.as_rotvec(), T.translation, clip.camera.K, None)
+        assert np.median(np.linalg.norm(ends[:, 0] - m.pixels - m.flow, axis=1)) < 0.1
+
+
+@pytest.mark.parametrize("metric", [True, False])
+def test_normal_equations_tell_the_spread_of_least_squares(metric):
+    squared = []
+    for seed in range(150):
+        rng = np.random.default_rng(seed)
+        scene = make_scene(random_motion(rng), rng, n=150)
+        m = replace(scene.measurements, flow=scene.measurements.flow + rng.normal(0, 0.1, (150, 2)))
+        residual = KnownDepth.of(m, SCENE_CAMERA, scene.depth) if metric else Epipolar.of(m, SCENE_CAMERA)
+        found = gauntlet_run.solve("opencv", residual)
+        C = gauntlet_run.inverse_normal_equations(residual, found)
+        squared.append(judge.distance(found, C, scene.T, metric).squared)
+    # solvePnPRefineLM minimises what the equations are of; recoverPose's matrix is not refined
+    assert np.median(squared) == pytest.approx(chi2.median(6), rel=0.3) if metric else np.median(squared) > 3
