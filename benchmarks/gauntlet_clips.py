@@ -21,6 +21,9 @@ from gauntlet_scene import Scene
 CAMERA = Pinhole.from_fov(400, 224, 65.0)
 WIDE = Pinhole.from_fov(400, 224, 90.0)
 FRAMES_PER_SECOND = 30.0
+WORLD = 500
+"""Seed of the first world; the models were calibrated in worlds of lower ones."""
+
 NOISE = 1.5
 """Standard deviation of the noise of scenes of rectangles [grey levels]."""
 
@@ -116,7 +119,7 @@ def hall(seed: int, frames: int, cache: Path, other: bool = False) -> Clip:
 
     def make() -> SimulatedSequence:
         poses = TRAJECTORIES["training"](frames, 4.0, FRAMES_PER_SECOND, seed)
-        world = PlanesWorld(seed + 5000 if other else seed)
+        world = PlanesWorld(WORLD + seed + (5000 if other else 0))
         return SimulatedSequence(world, Flight.of(poses, FRAMES_PER_SECOND), WIDE, seed=seed)
 
     return flown("other-hall" if other else "hall", seed, make, frames, cache)
@@ -129,7 +132,7 @@ def forest(seed: int, frames: int, cache: Path, trajectory: str = "curve") -> Cl
     def make() -> SimulatedSequence:
         first = 37 * (seed % 20)
         poses = TRAJECTORIES[trajectory](first + frames, 6.0, 60.0, seed)[first:]
-        return SimulatedSequence(ForestWorld(0), Flight.of(poses, 60.0), WIDE, seed=seed)
+        return SimulatedSequence(ForestWorld(WORLD + seed), Flight.of(poses, 60.0), WIDE, seed=seed)
 
     return flown(f"forest-{trajectory}", seed, make, frames, cache)
 
@@ -146,7 +149,7 @@ def drive(seed: int, frames: int, cache: Path) -> Clip:
         poses = RigidTransform.from_components(
             np.cumsum(0.7 * headings, axis=0), Rotation.from_euler("Y", yaw[:, None])
         )
-        world = DrivingWorld.along(poses, seed, traffic=4)
+        world = DrivingWorld.along(poses, WORLD + seed, traffic=4)
         return SimulatedSequence(world, Flight.of(poses, 10.0), WIDE, seed=seed)
 
     return flown("drive", seed, make, frames, cache)
