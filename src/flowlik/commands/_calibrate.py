@@ -35,6 +35,7 @@ from flowlik.evaluation.likelihood import (
     Counting,
     bias_records,
     figures,
+    little_data_warning,
     model_records,
     outside_range,
     outside_warning,
@@ -105,12 +106,14 @@ def calibrate(
     sequences = [read_data(folder, options, run, flow) for folder in data]
     names = ", ".join(sequence.name for sequence in sequences)
     provenance: dict[str, object] = {"data": names, "seed": seed, **options.images}
-    keys = {"split": "calibration", **options.images}
+    keys = {"split": "in sample", **options.images}
     populations = _populations(run, sequences, flow, options, progress)
     by_texture, by_flow = ([block for p in populations if p for block in p[kind]] for kind in (0, 1))
     # each fit takes seconds to a minute: whoever waits is told of it
     models = fit_families(by_texture, flow, provenance, progress=progress)
     add_evidence(run, by_texture, models, names, label, seed, **keys)
+    if message := little_data_warning(merge_all(by_texture), names):
+        run.warn(message)
     if schedule == "texture":
         chosen, blocks = models[family], by_texture
     else:

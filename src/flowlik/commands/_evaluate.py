@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from flowlik.calibration import Task, gather, split_blocks
+from flowlik.calibration import Task, gather, merge_all, split_blocks
 from flowlik.commands._calibrate import add_evidence
 from flowlik.commands._reading import read_data
 from flowlik.commands._sketching import sketch_for_run
 from flowlik.commands.options import EvaluateOptions
 from flowlik.errors import DataError
-from flowlik.evaluation.likelihood import Counting, kept_for_eigenbasis
+from flowlik.evaluation.likelihood import Counting, kept_for_eigenbasis, little_data_warning
 from flowlik.flow import coded, confirmed_method, method_label
 from flowlik.likelihood.model_file import load_likelihood
 from flowlik.report import finish
@@ -74,5 +74,7 @@ def evaluate(
         models = {likelihood.family.name: likelihood}
         keys = {"split": "evaluation", **options.images}
         add_evidence(run, sketches, models, sequence.name, label, options.seed, COUNTING, **keys)
+        if message := little_data_warning(merge_all(sketches), sequence.name):
+            run.warn(message)
     finish(run)
     return run

@@ -136,12 +136,12 @@ def _calibrate(
     }
     models = fit_families(blocks, method, provenance, FAMILIES_SHOWN, SMOOTHING_NAT)
     dataset = f"{plan.world}-calibration"
-    _add_evidence(run, blocks, models, dataset, method, plan, "calibration")
+    _add_evidence(run, blocks, models, dataset, method, plan, "in sample")
     run.save("table", method.name, table_arrays(merge_all(blocks), models["lcm"]))
     index = schedule_index("index", flights, index_form(method))
     over = [block.over(index) for block in blocks]
     best = fit_families(over, method, provenance, (BEST_FAMILY,), SMOOTHING_NAT)
-    _add_evidence(run, over, best, dataset, method, plan, "calibration")
+    _add_evidence(run, over, best, dataset, method, plan, "in sample")
     fitted = {"index": best[BEST_FAMILY], "lcm": models["lcm"]}
     used = {name: with_shared_errors(model, pairs) for name, model in fitted.items()}
     folder = run.path / "models"

@@ -77,6 +77,25 @@ def test_levels_with_too_little_are_not_counted(blocks, recwarn):
     assert not recwarn.list
 
 
+def test_one_run_of_frames_has_no_interval(blocks):
+    records = records_of(blocks[:1], counting=Counting(1000, 1))
+    assert "interval_95=none" in records["nll"].protocol
+    assert "interval_95=none" in records["ks_median"].protocol
+    assert records["ks_median"].value < 0.05
+
+
+@pytest.mark.parametrize(("pairs", "warned"), [(5, True), (19, True), (20, False)])
+def test_little_data_are_told_with_counts(pairs, warned):
+    """Each block is one image pair of 40 000 components at 36 texture levels."""
+    data = evidence.merge_all([block(seed) for seed in range(pairs)])
+    warning = evidence.little_data_warning(data, "drawn")
+    assert (warning is not None) == warned
+    if warning is not None:
+        assert f"drawn: little data, {PER_BLOCK * pairs} error components from {pairs} image pairs" in warning
+        assert "0 % in those of ≥10000 components from ≥20 frames and 0 %" in warning
+        assert "≥100000 components from ≥30 frames" in warning
+
+
 def test_blocks_without_errors_do_not_disturb(blocks):
     some, empty = blocks[:2], ErrorSketch.empty(Index())
     assert records_of([*some, empty])["nll"] == records_of(some)["nll"]

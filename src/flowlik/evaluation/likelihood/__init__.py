@@ -2,7 +2,7 @@
 
 from flowlik.evaluation.likelihood._bias import bias_records
 from flowlik.evaluation.likelihood._eigenbasis import kept_for_eigenbasis
-from flowlik.evaluation.likelihood._evidence import outside_warning, table_arrays
+from flowlik.evaluation.likelihood._evidence import little_data_warning, outside_warning, table_arrays
 from flowlik.evaluation.likelihood._goodness import (
     CONFIDENCES,
     Counting,
@@ -26,6 +26,7 @@ __all__ = [
     "kept_for_eigenbasis",
     "kolmogorov_smirnov",
     "levels",
+    "little_data_warning",
     "model_records",
     "negative_log_likelihood",
     "nll_interval",

@@ -39,6 +39,7 @@ from flowlik.support.arrays import Array
 
 SHOWN_LEVELS = tuple((10 ** (decade - 0.5), 10.0**decade) for decade in range(4))
 OUTSIDE_WARNING = 0.10
+QUICK_COUNTING, COUNTED_SHARE = Counting(10_000, 20), 0.95
 
 Sketched = tuple[ErrorSketch, FlowLikelihood]
 """A model, and a population of errors over the model's own index."""
@@ -73,13 +74,15 @@ def goodness_records(
     ks = kolmogorov_smirnov(sketch, likelihood, counting)
     rng = np.random.default_rng(seed)
     filled = [block for block in blocks if block.total]
-    nll_low, nll_high = nll_interval(filled, likelihood, rng)
-    ks_interval = "none"
-    if ks.counted.any():
+    nll_range = ks_range = "none"
+    if len(filled) > 1:
+        nll_low, nll_high = nll_interval(filled, likelihood, rng)
+        nll_range = f"{nll_low:.4f} … {nll_high:.4f}"
+    if len(filled) > 1 and ks.counted.any():
         ks_low, ks_high = block_interval(
             filled, lambda s: kolmogorov_smirnov(s, likelihood, counting).median, rng
         )
-        ks_interval = f"{ks_low:.4f} … {ks_high:.4f}"
+        ks_range = f"{ks_low:.4f} … {ks_high:.4f}"
     record = Recorder(likelihood, dataset, seed, sketch.total)
     note = protocol(**keys, **what_was_kept(sketch))
     counted = note + "; " + protocol(**what_was_counted(ks, counting))
@@ -89,13 +92,13 @@ def goodness_records(
             "nll",
             negative_log_likelihood(sketch, likelihood),
             "nat",
-            note + "; " + protocol(**{interval: f"{nll_low:.4f} … {nll_high:.4f}", "bootstrap": "blocks"}),
+            note + "; " + protocol(**{interval: nll_range, "bootstrap": "blocks"}),
         ),
         record(
             "ks_median",
             ks.median,
             "",
-            counted + "; " + protocol(**{interval: ks_interval, "bootstrap": "blocks"}),
+            counted + "; " + protocol(**{interval: ks_range, "bootstrap": "blocks"}),
         ),
         record("ks_max", ks.maximum, "", counted),
         record("ks_signed_median", ks.signed_median, "", counted),
@@ -136,6 +139,27 @@ def what_was_counted(ks: KolmogorovSmirnov, counting: Counting) -> dict[str, obj
         "counted": f"{int(ks.counted.sum())} of {int((ks.counts > 0).sum())}",
         "counted_share": f"{ks.counted_share:.3f}",
     }
+
+
+def little_data_warning(sketch: ErrorSketch, what: str) -> str | None:
+    """Warning with counts where too few components stand at texture levels that conventions would count.
+
+    Counted levels must hold 95 % of all components: of 1e5 components from 30 image pairs each, in quick
+    runs of 1e4 from 20. The warning begins where even the latter do not.
+    """
+    counts = sketch.by_level.sum(axis=1)
+
+    def share(counting: Counting) -> float:
+        return float(counts[counting.counted(counts, sketch.frames)].sum() / max(counts.sum(), 1))
+
+    if share(QUICK_COUNTING) >= COUNTED_SHARE:
+        return None
+    quick, full = (f"{100 * share(c):.0f} % in those of {c}" for c in (QUICK_COUNTING, Counting()))
+    return (
+        f"{what}: little data, {sketch.total} error components from {sketch.pairs} image pairs. Conventions "
+        f"ask for {100 * COUNTED_SHARE:.0f} % of them in texture levels that count, and here are {quick} and "
+        f"{full}: take figures as rough, or add pairs"
+    )
 
 
 def outside_warning(fraction: float, what: str) -> str | None:
