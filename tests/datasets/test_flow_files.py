@@ -219,6 +219,7 @@ def test_other_files_are_no_flow(tmp_path):
         ("colour.png", "three 16-bit channels"),
         ("flow.mat", "unknown flow format"),
         ("none.flo", "no such flow file"),
+        ("a.flo5", r"HDF5 is not read; convert it by numpy.save.'a.npy', h5py.File.'a.flo5'"),
     ]:
         with pytest.raises(DataError, match=message):
             read_flow(tmp_path / name)

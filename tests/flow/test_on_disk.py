@@ -249,3 +249,9 @@ def test_flow_of_the_images_as_they_are_is_undistorted_with_them(tmp_path, aroun
     assert np.isfinite(found).mean() > 0.9
     np.testing.assert_allclose(found[np.isfinite(found).all(axis=1)] - move, 0, atol=0.02)
     assert np.abs(flow - move).max() > 0.2  # what was compared with the pinhole's motion before
+
+
+def test_a_folder_of_hdf5_says_what_converts_it(tmp_path):
+    (tmp_path / "0.flo5").write_bytes(b"\x89HDF")
+    with pytest.raises(DataError, match="flow in HDF5 is not read; convert it"):
+        FlowFiles("spring", tmp_path).for_pair(Frames(2), 0).dense(IMAGE, IMAGE)

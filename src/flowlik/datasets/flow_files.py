@@ -18,6 +18,9 @@ from flowlik.support.files import atomic_write, read_npz
 SUFFIXES = (".flo", ".png", ".npy", ".npz", ".pfm")
 """Flow formats that `read_flow` reads."""
 
+HDF5 = ".flo5"
+"""Spring's flow, which is HDF5: refused with what converts it, since nothing else here needs that library."""
+
 FLO_MAGIC = b"PIEH"
 FLO_MAX_SIDE = 99_999
 FLO_UNKNOWN = 1e9
@@ -56,6 +59,11 @@ def read_flow(path: Path | str, png: str | None = None) -> Array:
         ".pfm": _read_pfm,
     }
     assert tuple(readers) == SUFFIXES
+    if path.suffix.lower() == HDF5:
+        raise DataError(
+            f"{path}: flow in HDF5 is not read; convert it by "
+            f"numpy.save({path.stem + '.npy'!r}, h5py.File({path.name!r})['flow'][:])"
+        )
     if path.suffix.lower() not in readers:
         raise DataError(f"{path}: unknown flow format, expected one of {', '.join(readers)}")
     if not path.is_file():

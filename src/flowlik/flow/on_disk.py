@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.datasets.flow_files import SUFFIXES, read_flow
+from flowlik.datasets.flow_files import HDF5, SUFFIXES, read_flow
 from flowlik.datasets.flow_png import check_coding
 from flowlik.datasets.lens import Lens
 from flowlik.datasets.undistorted import removed_lens
@@ -150,7 +150,7 @@ def _files(folder: Path) -> list[Path]:
     """Flow files of a folder, if there is one, by name with numbers in it by value: 2 comes before 10."""
     if not folder.is_dir():
         return []
-    found = [path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and path.is_file()]
+    found = [path for path in folder.iterdir() if path.suffix.lower() in (*SUFFIXES, HDF5) and path.is_file()]
     return sorted(found, key=_by_number)
 
 
