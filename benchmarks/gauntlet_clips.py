@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.motion import relative_motion
-from flowlik.simulation import TRAJECTORIES, Flight, SimulatedSequence
+from flowlik.simulation import TRAJECTORIES, Flight, PlanesWorld, SimulatedSequence
+from flowlik.simulation.worlds.driving import DrivingWorld
+from flowlik.simulation.worlds.forest import ForestWorld
 from flowlik.support.arrays import Array
 from flowlik.support.files import atomic_write
 from gauntlet_scene import Scene
@@ -26,6 +28,8 @@ WORLD = 500
 
 NOISE = 1.5
 """Standard deviation of the noise of scenes of rectangles [grey levels]."""
+
+DRIVE_FRAMES = 120
 
 Grey = NDArray[np.uint8]
 
@@ -81,7 +85,7 @@ def staged(
 ) -> Clip:
     """Clip of rectangles; `rows` gives the poses (H,) of frame k's rows where they are not all alike."""
 
-    @cache
+    @lru_cache(maxsize=256)
     def seen(k: int) -> tuple[Array, Array]:
         now = scene(k) if callable(scene) else scene
         return now.view(CAMERA, poses[k] if rows is None else rows(k))
@@ -93,66 +97,76 @@ def staged(
     return Clip(name, CAMERA, poses, image, lambda k: seen(k)[1], all_but_first(len(poses)), f"{name}-{seed}")
 
 
-def flown(name: str, seed: int, make: Callable[[], SimulatedSequence], frames: int, cache: Path) -> Clip:
-    """Clip of a simulated flight, rendered once into the cache."""
-    path = cache / "flights" / f"{name}-{seed}-{frames}.npz"
-    if not path.is_file():
-        sequence = make()
-        images = [sequence.image(k) for k in range(frames)]
-        depths = [sequence.depth(k).astype(np.float32) for k in range(frames)]
-        with atomic_write(path, "wb") as file:
-            np.savez(
-                file, images=np.array(images), depths=np.array(depths),
-                poses=np.array([sequence.T_n_c(k).as_matrix() for k in range(frames)]),
-            )  # fmt: skip
-    data = np.load(path)
-    kept, depths_m = data["images"], data["depths"]
+def flown(
+    name: str, seed: int, poses: RigidTransform, make: Callable[[], SimulatedSequence], cache: Path
+) -> Clip:
+    """Clip of a simulated flight along poses, each frame rendered once into the cache.
+
+    The flight is one frame longer, so that a frame does not depend on where the clip ends.
+    """
+    folder, sequence = cache / "flights" / f"{name}-{seed}", lru_cache(maxsize=1)(make)
+
+    @lru_cache(maxsize=4)
+    def frame(k: int) -> tuple[Grey, Array]:
+        path = folder / f"{k:04d}.npz"
+        if not path.is_file():
+            with atomic_write(path, "wb") as file:
+                np.savez(file, image=sequence().image(k), depth=sequence().depth(k).astype(np.float32))
+        with np.load(path) as data:
+            return data["image"], data["depth"].astype(np.float64)
+
     return Clip(
-        name, WIDE, RigidTransform.from_matrix(data["poses"]), lambda k: kept[k],
-        lambda k: depths_m[k].astype(np.float64), all_but_first(frames), f"{name}-{seed}",
+        name, WIDE, poses[:-1], lambda k: frame(k)[0], lambda k: frame(k)[1], all_but_first(len(poses) - 1),
+        f"{name}-{seed}",
     )  # fmt: skip
 
 
 def hall(seed: int, frames: int, cache: Path, other: bool = False) -> Clip:
     """A flight in six freedoms through the hall of planes; `other`: the same flight in another hall."""
-    from flowlik.simulation import PlanesWorld
+    poses = TRAJECTORIES["training"](frames + 1, 4.0, FRAMES_PER_SECOND, seed)
+    world = PlanesWorld(WORLD + seed + (5000 if other else 0))
 
     def make() -> SimulatedSequence:
-        poses = TRAJECTORIES["training"](frames, 4.0, FRAMES_PER_SECOND, seed)
-        world = PlanesWorld(WORLD + seed + (5000 if other else 0))
         return SimulatedSequence(world, Flight.of(poses, FRAMES_PER_SECOND), WIDE, seed=seed)
 
-    return flown("other-hall" if other else "hall", seed, make, frames, cache)
+    return flown("other-hall" if other else "hall", seed, poses, make, cache)
 
 
 def forest(seed: int, frames: int, cache: Path, trajectory: str = "curve") -> Clip:
     """A flight through the forest at 6 m/s and 60 frames/s, from a place of its own."""
-    from flowlik.simulation.worlds.forest import ForestWorld
+    first = 37 * (seed % 20)
+    poses = TRAJECTORIES[trajectory](first + frames + 1, 6.0, 60.0, seed)[first:]
 
     def make() -> SimulatedSequence:
-        first = 37 * (seed % 20)
-        poses = TRAJECTORIES[trajectory](first + frames, 6.0, 60.0, seed)[first:]
         return SimulatedSequence(ForestWorld(WORLD + seed), Flight.of(poses, 60.0), WIDE, seed=seed)
 
-    return flown(f"forest-{trajectory}", seed, make, frames, cache)
+    return flown(f"forest-{trajectory}", seed, poses, make, cache)
 
 
 def drive(seed: int, frames: int, cache: Path) -> Clip:
-    """A drive along a winding street with traffic, at 7 m/s and 10 frames/s."""
-    from flowlik.simulation.worlds.driving import DrivingWorld
+    """A drive along a winding street with traffic, at 7 m/s and 10 frames/s.
+
+    Raises
+    ------
+    ValueError
+        If the street is too short for so many frames.
+    """
+    if frames >= DRIVE_FRAMES:
+        raise ValueError(f"{frames} frames: a drive has fewer than {DRIVE_FRAMES}")
+    rng = np.random.default_rng([seed, 1])
+    along_m = 0.7 * np.arange(DRIVE_FRAMES)
+    yaw = rng.uniform(0.1, 0.3) * np.sin(along_m / rng.uniform(10, 25))
+    headings = np.column_stack([np.sin(yaw), np.zeros(DRIVE_FRAMES), np.cos(yaw)])
+    route = RigidTransform.from_components(
+        np.cumsum(0.7 * headings, axis=0), Rotation.from_euler("Y", yaw[:, None])
+    )
+    poses = route[: frames + 1]
 
     def make() -> SimulatedSequence:
-        rng = np.random.default_rng([seed, 1])
-        along_m = 0.7 * np.arange(frames)
-        yaw = rng.uniform(0.1, 0.3) * np.sin(along_m / rng.uniform(10, 25))
-        headings = np.column_stack([np.sin(yaw), np.zeros(frames), np.cos(yaw)])
-        poses = RigidTransform.from_components(
-            np.cumsum(0.7 * headings, axis=0), Rotation.from_euler("Y", yaw[:, None])
-        )
-        world = DrivingWorld.along(poses, WORLD + seed, traffic=4)
+        world = DrivingWorld.along(route, WORLD + seed, traffic=4)
         return SimulatedSequence(world, Flight.of(poses, 10.0), WIDE, seed=seed)
 
-    return flown("drive", seed, make, frames, cache)
+    return flown("drive", seed, poses, make, cache)
 
 
 def grey(levels: Array) -> Grey:
