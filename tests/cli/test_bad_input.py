@@ -178,6 +178,15 @@ def test_a_model_of_another_flow_method(flight, models, tmp_path, out):
         (("odometry", "FLIGHT", "--estimator", "mle"), "--estimator mle needs --model"),
         (("odometry", "FLIGHT", "--estimator", "best"), "unknown estimator 'best': known are ransac"),
         (("odometry", "FLIGHT", "--model", "MODEL", "--scale", "gps"), "unknown scale source 'gps': known"),
+        (
+            ("odometry", "FLIGHT", "--model", "MODEL", "--scale", "camera-height"),
+            "needs --camera-height, the",
+        ),
+        (
+            ("odometry", "FLIGHT", "--model", "MODEL", "--scale", "camera-height", "--camera-height", "0"),
+            "must be positive",
+        ),
+        (("odometry", "FLIGHT", "--model", "MODEL", "--camera-height", "1.65"), "no use with --scale none"),
         (("odometry", "FLIGHT", "--model", "MODEL", "--residual", "x"), "unknown residual 'x': known are"),
         (("odometry", "FLIGHT", "--model", "MODEL", "--format", "tum"), "format 'tum', known are kitti"),
         (("odometry", "FLIGHT", "--model", "MODEL", "--camera", "1,2,3"), "tartanair has its own camera"),

@@ -23,7 +23,8 @@ OTHER = {
     "odometry": {
         "model": "lucas-kanade", "method": "lucas-kanade", "flow_png": "dsec",
         "estimator": "mle", "residual": "epipolar",
-        "scale": "truth-norm", "height_m": 1.5, "self_calibrate": True, "boresight": "causal", "gate": 0.5,
+        "scale": "camera-height", "camera_height_m": 1.5,
+        "self_calibrate": True, "boresight": "causal", "gate": 0.5,
         "truth": "truth.txt", "frames": 7, "start": 1, "stride": 2, "parallax": 0.001,
         "skip_bad_frames": True, "format": "tartanair", "camera": "50,48,32",
         "mask": "hood.png", "resize": "0.5",
@@ -43,7 +44,7 @@ OTHER = {
 }  # fmt: skip
 """A value of every option that is not its default. Who adds an option adds it here."""
 
-FLAGS = {"height_m": "--height", "frames_per_second": "--fps"}
+FLAGS = {"camera_height_m": "--camera-height", "frames_per_second": "--fps"}
 
 
 def words_of(options):

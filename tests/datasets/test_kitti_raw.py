@@ -20,7 +20,7 @@ def oxts_row(east_m, north_m, up_m, yaw):
     row = np.zeros(30)
     row[0] = LATITUDE + np.rad2deg(north_m / EARTH_RADIUS_M)
     row[1] = 8.0 + np.rad2deg(east_m / (EARTH_RADIUS_M * np.cos(np.deg2rad(LATITUDE))))
-    row[2], row[5] = 110 + up_m, yaw
+    row[2], row[5], row[23] = 110 + up_m, yaw, 0.05
     return row
 
 
@@ -65,7 +65,9 @@ def test_poses_are_those_of_the_camera_not_of_the_unit(tmp_path):
         ahead = Rotation.from_euler("z", 0.1 * (k - 1)).inv().apply(away)  # forward, left, up
         np.testing.assert_allclose(step.translation, [-ahead[1], -ahead[2], ahead[0]], atol=1e-3)
         np.testing.assert_allclose(step.rotation.as_rotvec(), [0, -0.1, 0], atol=1e-6)
+    np.testing.assert_array_equal(sequence.gps_accuracy_m, 0.05)
     gps = scale_source("gps-norm", sequence)
+    assert gps.sigma_m(2) == pytest.approx(0.05 * np.sqrt(2))
     assert gps.distance_m(2) == pytest.approx(
         np.linalg.norm(camera_position(2) - camera_position(1)), rel=1e-4
     )

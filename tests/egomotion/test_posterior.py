@@ -10,7 +10,7 @@ from flowlik.geometry.motion import exp_se3, inverse_left_jacobian, right_covari
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.schedule import Index
 from flowlik.likelihood.shared_errors import SCALES_PX, ScoreCorrelation, SharedErrors
-from flowlik.odometry.odometry import scaled
+from flowlik.odometry.scale import scaled
 from tests.helpers import (
     CAMERA,
     each_of,

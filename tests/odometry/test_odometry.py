@@ -15,8 +15,8 @@ from flowlik.image.depth import ImplausibleDepthWarning
 from flowlik.image.texture import TextureDefinition, derivatives
 from flowlik.measurement.features import features_of, measure_features
 from flowlik.odometry.loop import measure_sequence, run_odometry
-from flowlik.odometry.odometry import Odometry, scaled
-from flowlik.odometry.scale import scale_source, true_distance
+from flowlik.odometry.odometry import Odometry
+from flowlik.odometry.scale import Length, scale_source, scaled, true_distance
 from flowlik.support.threads import map_ahead
 from tests.helpers import lcm_likelihood, textured_image
 
@@ -124,6 +124,38 @@ def test_without_a_distance_steps_have_unit_length(estimator):
     motion = [odometry.step(frame(k), k) for k in range(2)][1]
     assert not motion.scale_known
     assert_same([motion.T_k_prev], [scaled(MOTIONS[0], 1.0)], atol=1e-3)
+
+
+class Told:
+    """A scale source that tells what it is given for each frame."""
+
+    name = "told"
+
+    def __init__(self, *lengths):
+        self.lengths = (None, *lengths)
+
+    def length(self, k, m, camera, T_k_prev, likelihood):
+        assert np.linalg.norm(T_k_prev.translation) == pytest.approx(1.0)
+        return self.lengths[k]
+
+
+def test_a_length_that_is_not_told_or_not_believed_is_never_claimed(estimator):
+    lengths = [np.linalg.norm(T.translation) for T in MOTIONS]
+    told = Told(Length(lengths[0], 0.01 * lengths[0]), None, Length(110 * lengths[2], 4e-5))
+    odometry = Odometry(CAMERA, ExactFlow(), estimator, scale=told)
+    _, first, untold, wrong = [odometry.step(frame(k), k) for k in range(4)]
+    assert (first.scale_known, first.length_predicted) == (True, False)
+    assert np.linalg.norm(first.T_k_prev.translation) == pytest.approx(lengths[0])
+    t = first.T_k_prev.translation / lengths[0]
+    assert np.sqrt(t @ first.covariance[3:, 3:] @ t) >= 0.01 * lengths[0]
+    for motion in (untold, wrong):
+        assert motion.solved and not motion.predicted
+        assert (motion.scale_known, motion.length_predicted) == (False, True)
+        assert np.linalg.norm(motion.T_k_prev.translation) == pytest.approx(lengths[0], rel=0.01)
+        t = motion.T_k_prev.translation / np.linalg.norm(motion.T_k_prev.translation)
+        assert np.sqrt(t @ motion.covariance[3:, 3:] @ t) > 0.04 * lengths[0]
+    assert "told tells no length" in untold.reason
+    assert "not expected" in wrong.reason
 
 
 def test_an_unsolved_frame_repeats_the_previous_motion_and_says_so(estimator):

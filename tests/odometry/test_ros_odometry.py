@@ -327,3 +327,4 @@ def test_a_standstill_needs_no_scale():
     still = replace(steps(1)[0], T_k_prev=RigidTransform.identity(), status=Status.STILL, scale_known=False)
     assert _has_scale([still, *steps(2)])
     assert not _has_scale([still, *unscaled_steps(1)])
+    assert _has_scale([*steps(2), *(replace(m, length_predicted=True) for m in unscaled_steps(1))])

@@ -1,19 +1,20 @@
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.motion import exp_se3, h, inverse_range
 from flowlik.image.texture import TextureDefinition
+from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.measurement.measurements import Measurements
 from flowlik.odometry.scale import (
     CameraHeight,
+    Length,
     Norm,
     Stereo,
     Unscaled,
     _stereo_disparity,
-    _triangulated,
     scale_source,
 )
 from tests.helpers import textured_image
@@ -22,10 +23,12 @@ CAMERA = Pinhole(400, 200, 250.0, 250.0, 199.5, 80.0)
 T = exp_se3(np.array([0.002, 0.01, -0.001, 0.03, 0.01, -0.9]))
 UNIT = RigidTransform.from_components(T.translation / np.linalg.norm(T.translation), T.rotation)
 LENGTH = np.linalg.norm(T.translation)
+NOISE = 0.1
+LIKELIHOOD = FlowLikelihood.constant_gaussian(NOISE)
 
 
-def measured(pixels, depth, noise=0.0, seed=0):
-    flow = h(T, CAMERA, pixels, inverse_range(CAMERA, pixels, depth))
+def measured(pixels, depth, noise=0.0, seed=0, motion=T):
+    flow = h(motion, CAMERA, pixels, inverse_range(CAMERA, pixels, depth))
     flow = flow + noise * np.random.default_rng(seed).standard_normal(flow.shape)
     n = len(pixels)
     return Measurements(
@@ -33,36 +36,110 @@ def measured(pixels, depth, noise=0.0, seed=0):
     )
 
 
-def street(height=1.65, seed=0):
-    """Pixels with depths: a road below the horizon, and houses at random depths above."""
+def across(motion, tilt_deg=0.0, roll_deg=0.0):
+    """Normal of a road along a motion but for a tilt, in image k - 1; down is positive."""
+    travel = -motion.rotation.inv().apply(motion.translation)
+    travel /= np.linalg.norm(travel)
+    right = np.cross(travel, [0.0, 1.0, 0.0])
+    right /= np.linalg.norm(right)
+    tilted = Rotation.from_rotvec(np.radians(tilt_deg) * right) * Rotation.from_rotvec(
+        np.radians(roll_deg) * travel
+    )
+    return tilted.apply(np.cross(right, travel))
+
+
+def street(height=1.65, seed=0, normal=None, cluttered=0.2, motion=T):
+    """Pixels with depths: a road below the horizon with other things on it, and houses above."""
     rng = np.random.default_rng(seed)
     pixels = rng.uniform([0, 0], [399, 199], (900, 2))
-    down = CAMERA.rays(pixels)[:, 1]
+    down = CAMERA.rays(pixels) @ (across(motion) if normal is None else normal)
     depth = np.where(down > 0.04, height / np.maximum(down, 0.04), rng.uniform(8, 40, 900))
-    beside = rng.random(900) < 0.2
-    return pixels, np.where(beside, rng.uniform(5, 30, 900), depth)
+    beside = rng.random(900) < cluttered
+    return pixels, np.where(beside, rng.uniform(3, 30, 900), depth)
 
 
-def test_depths_are_triangulated_in_units_of_the_motion():
-    pixels, depth = street()
-    found, parallax = _triangulated(measured(pixels, depth), CAMERA, UNIT)
-    clear = parallax > 1
-    np.testing.assert_allclose(found[clear] * LENGTH, depth[clear], rtol=1e-6)
+def told(source, pixels, depth, noise=0.0, seed=0, motion=T):
+    unit = RigidTransform.from_components(
+        motion.translation / np.linalg.norm(motion.translation), motion.rotation
+    )
+    return source.length(1, measured(pixels, depth, noise, seed, motion), CAMERA, unit, LIKELIHOOD)
 
 
 @pytest.mark.parametrize("height", [1.2, 1.65])
 def test_the_height_over_the_road_gives_the_length(height):
-    m = measured(*street(height), noise=0.1)
-    length = CameraHeight(height).length_m(1, m, CAMERA, UNIT)
-    assert length == pytest.approx(LENGTH, rel=0.02)
+    exact = told(CameraHeight(height), *street(height, cluttered=0.0))
+    assert exact.metres == pytest.approx(LENGTH, rel=1e-4)
+    among_others = told(CameraHeight(height), *street(height), noise=NOISE)
+    assert among_others.metres == pytest.approx(LENGTH, rel=0.02)
+    assert 0 < among_others.sigma_m < 0.05 * LENGTH
+
+
+def test_a_length_is_within_its_bound_as_often_as_it_says():
+    """Roads that turn away from the direction of travel as the source expects, flow noise as calibrated."""
+    rng, errors = np.random.default_rng(3), []
+    for seed in range(40):
+        normal = across(T, *(rng.standard_normal(2).clip(-2.5, 2.5) * [0.31, 2.0]))
+        length = told(CameraHeight(1.65), *street(seed=seed, normal=normal), NOISE, seed)
+        errors.append((length.metres - LENGTH) / length.sigma_m)
+    # at least nine in ten: noise that vectors do not share leaves room
+    assert np.mean(np.abs(errors) < 1.96) > 0.9
+    assert np.std(errors) > 0.3
+
+
+@pytest.mark.parametrize("step", [0.3, 0.05])
+def test_a_slower_step_is_known_less_well(step):
+    slow = RigidTransform.from_components(T.translation * step, T.rotation)
+    shares = []
+    for motion in (T, slow):
+        length = told(CameraHeight(1.65), *street(motion=motion), NOISE, motion=motion)
+        if length is None:
+            assert step < 0.1
+            return
+        assert abs(length.metres - np.linalg.norm(motion.translation)) < 4 * length.sigma_m
+        shares.append(length.sigma_m / length.metres)
+    assert shares[1] > 1.2 * shares[0]
 
 
 def test_without_a_road_there_is_no_length():
     pixels, depth = street()
     above = pixels[:, 1] < 80
-    assert CameraHeight().length_m(1, measured(pixels[above], depth[above]), CAMERA, UNIT) is None
-    with pytest.raises(DataError, match="height"):
-        CameraHeight(-1.0)
+    assert told(CameraHeight(1.65), pixels[above], depth[above]) is None
+    assert told(CameraHeight(1.65), pixels[:0], depth[:0]) is None
+
+
+@pytest.mark.parametrize("depth_m", [4.0, 8.0, 20.0])
+def test_a_wall_or_a_vehicle_that_fills_the_image_gives_no_length(depth_m):
+    pixels, _ = street()
+    for seed in range(10):
+        assert told(CameraHeight(1.65), pixels, np.full(len(pixels), depth_m), NOISE, seed) is None
+
+
+def test_things_at_random_depths_are_no_road():
+    for seed in range(10):
+        assert told(CameraHeight(1.65), *street(seed=seed, cluttered=1.0), NOISE, seed) is None
+
+
+def test_a_lift_drives_along_no_road():
+    up = exp_se3(np.array([0, 0, 0, 0, -0.5, 0.0]))
+    pixels, depth = street(motion=T)
+    assert told(CameraHeight(1.65), pixels, depth, NOISE, motion=up) is None
+
+
+def test_the_motions_error_enters_the_length():
+    source, scene, step = CameraHeight(1.65), street(cluttered=0.0), 1e-5
+    m = measured(*scene)
+    length = source.length(1, m, CAMERA, UNIT, LIKELIHOOD)
+    for i in range(3):  # the road is taken to lie along the travel, so that only turns can be told apart
+        turned = exp_se3(step * np.eye(6)[i]) * UNIT
+        moved = RigidTransform.from_components(
+            turned.translation / np.linalg.norm(turned.translation), turned.rotation
+        )
+        change = np.log(source.length(1, m, CAMERA, moved, LIKELIHOOD).metres / length.metres) / step
+        assert length.by_motion[i] == pytest.approx(change, rel=0.1, abs=0.5)
+    C = np.diag([1e-6, 1e-6, 1e-6, 0, 0, 0])
+    assert length.sigma_with(C) == pytest.approx(
+        np.hypot(length.sigma_m, length.metres * 1e-3 * np.linalg.norm(length.by_motion[:3]))
+    )
 
 
 class Pair:
@@ -89,22 +166,50 @@ def test_stereo_gives_the_length():
     rng = np.random.default_rng(1)
     pixels = np.floor(rng.uniform([150, 10], [390, 190], (300, 2)))
     depth = np.full(300, CAMERA.fx * Pair.baseline_m / Pair.disparity)
-    length = Stereo(Pair()).length_m(1, measured(pixels, depth, 0.05), CAMERA, UNIT)
-    assert length == pytest.approx(LENGTH, rel=0.02)
+    length = told(Stereo(Pair()), pixels, depth, 0.05)
+    assert length.metres == pytest.approx(LENGTH, rel=0.02)
+    assert abs(length.metres - LENGTH) < 3 * length.sigma_m < 0.1 * LENGTH
+    other = np.where(rng.random(300) < 0.9, rng.uniform(1, 60, 300), depth)
+    assert told(Stereo(Pair()), pixels, other, 0.05) is None
+    assert told(Stereo(Pair()), pixels[:5], depth[:5]) is None
+
+
+def test_a_gps_says_how_well_it_knows_a_step():
+    steps, accuracy = {1: 0.9, 2: 0.05, 3: np.nan}, 0.05
+    gps = Norm("gps-norm", steps.__getitem__, lambda k: np.hypot(accuracy, accuracy))
+    m = measured(*street())
+    length = gps.length(1, m, CAMERA, UNIT, LIKELIHOOD)
+    assert (length.metres, length.sigma_m) == (0.9, pytest.approx(0.0707, abs=1e-4))
+    assert gps.length(2, m, CAMERA, UNIT, LIKELIHOOD) is None  # its noise is as long
+    assert gps.length(3, m, CAMERA, UNIT, LIKELIHOOD) is None
 
 
 def test_sources_are_found_by_name_and_say_what_they_lack():
     m = measured(*street())
-    assert scale_source("truth-norm", Pair()).length_m(3, m, CAMERA, UNIT) == pytest.approx(2.0)
-    assert scale_source("none", Pair()).length_m(3, m, CAMERA, UNIT) is None
+    truth = scale_source("truth-norm", Pair()).length(3, m, CAMERA, UNIT, LIKELIHOOD)
+    assert (truth.metres, truth.sigma_m) == (pytest.approx(2.0), 0.0)
+    assert scale_source("none", Pair()).length(3, m, CAMERA, UNIT, LIKELIHOOD) is None
     assert isinstance(scale_source("none", Pair()), Unscaled)
     assert scale_source("camera-height", Pair(), 1.2) == CameraHeight(1.2)
     assert scale_source("stereo", Pair()).name == "stereo"
-    with pytest.raises(DataError, match="OXTS"):
+    with pytest.raises(DataError, match="GPS"):
         scale_source("gps-norm", Pair())
     with pytest.raises(DataError, match="unknown scale source 'guess'"):
         scale_source("guess", Pair())
+    with pytest.raises(DataError, match="needs --camera-height"):
+        scale_source("camera-height", Pair())
+    with pytest.raises(DataError, match="no use with --scale stereo"):
+        scale_source("stereo", Pair(), 1.65)
+    with pytest.raises(DataError, match="must be positive"):
+        scale_source("camera-height", Pair(), -1.0)
     walked = Pair()
     walked.gps_positions = np.cumsum(np.tile([0.0, 3.0, 4.0], (5, 1)), axis=0)
-    assert isinstance(scale_source("gps-norm", walked), Norm)
-    assert scale_source("gps-norm", walked).length_m(2, m, CAMERA, UNIT) == pytest.approx(5.0)
+    with pytest.raises(DataError, match="accuracy"):
+        scale_source("gps-norm", walked)
+    walked.gps_accuracy_m = np.full(5, 0.1)
+    length = scale_source("gps-norm", walked).length(2, m, CAMERA, UNIT, LIKELIHOOD)
+    assert (length.metres, length.sigma_m) == (pytest.approx(5.0), pytest.approx(0.1414, abs=1e-4))
+
+
+def test_an_exact_length_has_no_error_of_the_motion():
+    assert Length(2.0).sigma_with(np.eye(6)) == 0

@@ -55,9 +55,12 @@ def run(
             autocompletion=complete.one_of(complete.SCALES),
         ),
     ] = OdometryOptions.scale,
-    height_m: Annotated[
-        float, typer.Option("--height", help="Height of the camera over the road [m].")
-    ] = OdometryOptions.height_m,
+    camera_height_m: Annotated[
+        float | None,
+        typer.Option(
+            "--camera-height", help="Height of the camera over the road [m]: --scale camera-height needs it."
+        ),
+    ] = None,
     self_calibrate: Annotated[
         bool, typer.Option("--self-calibrate", help="Refine the camera's intrinsics from the images.")
     ] = False,
@@ -118,7 +121,7 @@ def run(
         estimator=estimator,
         residual=residual,
         scale=scale,
-        height_m=height_m,
+        camera_height_m=camera_height_m,
         self_calibrate=self_calibrate,
         boresight=boresight,
         gate=gate,

@@ -86,7 +86,7 @@ def odometry(
     sequence, skipped = _opened(data, options, flow, progress)
     kind = _residual_kind(sequence, options.residual)
     options = replace(options, residual=kind)
-    source = scale_source(options.scale, sequence, options.height_m)
+    source = scale_source(options.scale, sequence, options.camera_height_m)
     if kind == "depth" and options.self_calibrate:
         raise DataError("--self-calibrate refines the camera where depth is unknown: --residual epipolar")
     # a pose file that cannot be used is told before the work, not after it

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.egomotion import EgoMotion
+from flowlik.evaluation.motion import length_sigma
 from flowlik.geometry.trajectory import Trajectory
 from flowlik.odometry.self_calibration import Intrinsics
 from flowlik.support.files import atomic_write
@@ -28,8 +29,8 @@ def write_frames(
         writer = csv.writer(file)
         writer.writerow(
             ["frame", "timestamp_s", "status", "reason", "predicted", "sigma_rotation_deg",
-             "sigma_translation", "inliers", "unit", "informative", "components",
-             "outside_fraction", "hypotheses", "log_prob_nat", "excluded"]
+             "sigma_translation", "sigma_length", "length_predicted", "inliers", "unit",
+             "informative", "components", "outside_fraction", "hypotheses", "log_prob_nat", "excluded"]
         )  # fmt: skip
         for k, (number, motion) in enumerate(zip(numbers, motions), start=1):
             excluded = " ".join(f"{reason}:{count}" for reason, count in motion.excluded.items() if count)
@@ -37,7 +38,8 @@ def write_frames(
             rotation, translation = np.sqrt(variance) * [np.degrees(1.0), 1.0]
             writer.writerow(
                 [number, estimated.timestamps[k], motion.status.value, motion.reason, int(motion.predicted),
-                 f"{rotation:.6g}", f"{translation:.6g}", motion.inliers,
+                 f"{rotation:.6g}", f"{translation:.6g}", f"{length_sigma(motion):.6g}",
+                 int(motion.length_predicted), motion.inliers,
                  motion.inlier_unit, motion.informative, motion.components,
                  f"{motion.outside:.4f}", motion.hypotheses, f"{motion.log_prob:.3f}", excluded]
             )  # fmt: skip

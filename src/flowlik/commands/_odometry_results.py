@@ -15,6 +15,7 @@ from flowlik.evaluation.likelihood import outside_warning
 from flowlik.evaluation.motion import (
     Agreement,
     disagreement_warning,
+    length_records,
     relative_pose_errors,
     status_records,
     trajectory_records,
@@ -27,6 +28,9 @@ from flowlik.odometry.ros_odometry import bag_notes
 from flowlik.results.records import Record, protocol, select
 from flowlik.results.runs import RunFolder
 from flowlik.support.files import printable
+
+# scale sources that say how well they know a length
+TOLD = ("gps-norm", "camera-height", "stereo")
 
 
 @dataclass(frozen=True)
@@ -115,7 +119,10 @@ def _records(flown: Flown, options: OdometryOptions, scale: str) -> list[Record]
         len(motions), options.seed,
         protocol(**keys, includes="decoding, flow, estimation, compilation"),
     )  # fmt: skip
-    records = [base, *status_records(motions, replace(base, protocol=protocol(**keys)))]
+    plain = replace(base, protocol=protocol(**keys))
+    records = [base, *status_records(motions, plain)]
+    if scale in TOLD:
+        records += length_records(motions, flown.truth, plain)
     if flown.truth is None:
         return records
     errors = trajectory_records(

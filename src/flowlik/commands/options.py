@@ -70,8 +70,8 @@ class OdometryOptions(Data):
         By default known depth if the data has it.
     scale : {"none", "truth-norm", "gps-norm", "camera-height", "stereo"}
         Where the length of each motion comes from without depth.
-    height_m : float
-        Height of the camera over the road [m], for the scale ``camera-height``.
+    camera_height_m : float, optional
+        Height of the camera over the road [m]: the scale ``camera-height`` needs it.
     self_calibrate : bool
         Refine principal point and radial distortion from the images, without depth.
     boresight : {"none", "causal"}
@@ -108,7 +108,7 @@ class OdometryOptions(Data):
     estimator: str = "lcmsac"
     residual: str | None = None
     scale: str = "none"
-    height_m: float = 1.65
+    camera_height_m: float | None = None
     self_calibrate: bool = False
     boresight: str = "none"
     gate: float | None = None

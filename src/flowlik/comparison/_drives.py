@@ -24,8 +24,8 @@ from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.measurement.measurements import Measurements
 from flowlik.odometry.boresight import Boresight
 from flowlik.odometry.loop import measure_sequence, true_move
-from flowlik.odometry.odometry import Odometry, scaled
-from flowlik.odometry.scale import scale_source, true_distance
+from flowlik.odometry.odometry import Odometry
+from flowlik.odometry.scale import scale_source, scaled, true_distance
 from flowlik.odometry.self_calibration import Intrinsics, SelfCalibration
 from flowlik.support.arrays import Array
 from flowlik.support.progress import Progress, no_progress

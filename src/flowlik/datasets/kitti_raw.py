@@ -21,6 +21,8 @@ from flowlik.support.files import numbers, printable, read_table, read_text
 
 EARTH_RADIUS_M = 6378137.0
 OXTS_COLUMNS = 30
+# column of the standard deviation of a position
+ACCURACY_COLUMN = 23
 FOLDERS = {"image_00/data": "00", "image_02/data": "02"}
 ODOMETRY_DRIVES = {
     "00": ("2011_10_03_drive_0027", 4541),
@@ -141,8 +143,21 @@ class KittiRaw(Lacking):
         return np.where(known[:, None], poses.translation, np.nan)
 
     @cached_property
+    def gps_accuracy_m(self) -> NDArray[np.float64]:
+        """Standard deviation (N,) [m] of each position, as the OXTS unit itself states it; NaN unknown."""
+        rows, known = self._oxts
+        return np.where(known, rows[:, ACCURACY_COLUMN], np.nan)
+
+    @cached_property
     def _poses(self) -> tuple[RigidTransform, NDArray[np.bool_]]:
         """Poses (N,) of the camera, and which frames (N,) have one: the others hold that of another."""
+        rows, known = self._oxts
+        poses = oxts_poses(rows) * self._T_imu_c()
+        return poses[0].inv() * poses, known
+
+    @cached_property
+    def _oxts(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Rows (N, 30) of OXTS, and which frames (N,) have one: the others hold that of another."""
         folder = self.folder / "oxts" / "data"
         files = {int(path.stem): path for path in folder.glob("*.txt") if path.stem.isdecimal()}
         known = np.array([number in files for number in self._frames.numbers])
@@ -153,8 +168,7 @@ class KittiRaw(Lacking):
         layout = f"{OXTS_COLUMNS} numbers (KITTI OXTS: lat lon alt roll pitch yaw …)"
         mine = [files[number] for number in self._frames.numbers[known]]
         rows = np.array([read_table(path, OXTS_COLUMNS, layout)[0][0] for path in mine])
-        poses = (oxts_poses(rows) * self._T_imu_c())[np.maximum(np.cumsum(known) - 1, 0)]
-        return poses[0].inv() * poses, known
+        return rows[np.maximum(np.cumsum(known) - 1, 0)], known
 
     def _no_row(self, k: int) -> DataError:
         number = int(self._frames.numbers[k])

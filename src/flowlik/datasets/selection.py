@@ -132,11 +132,11 @@ class Selection:
             raise lacks(self.name, missing) from error
 
     def __getattr__(self, name: str) -> Any:
-        """What else the sequence has: right images and GPS positions of these frames, a baseline."""
+        """What else the sequence has: right images and the GPS of these frames, a baseline."""
         if name.startswith("_") or name in ("whole", "frames"):
             raise AttributeError(name)
         value = getattr(self.whole, name)
-        if name == "gps_positions":
+        if name in ("gps_positions", "gps_accuracy_m"):
             return value[self.frames]
         return (lambda k: value(self._of(k))) if name in ("right_image", "mask") else value
 

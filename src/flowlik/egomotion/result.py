@@ -28,7 +28,8 @@ class EgoMotion:
     Attributes
     ----------
     T_k_prev : RigidTransform
-        Takes points in {c} of image k-1 to {c} of image k [m; unit length if ``scale_known`` is false].
+        Takes points in {c} of image k-1 to {c} of image k [m; unit length if neither ``scale_known`` nor
+        ``length_predicted``].
     information : array (6, 6)
         Fisher information along the tangent (rotation vector [rad], translation [m]) of the left
         perturbation in {c} of image k, with components taken as independent: that of the plain product.
@@ -36,16 +37,18 @@ class EgoMotion:
     covariance : array (6, 6)
         Covariance of the error along the same tangent. Where the likelihood knows the correlation of
         scores it is the sandwich A^-1 B A^-1 (docs/theory-covariance.md), else the inverse of
-        `information`, which is too small. Zero along the epipolar residual's unobservable scale; NaN where
-        a direction is not determined.
+        `information`, which is too small. Along the translation it is that of the length told, and zero where
+        that is exact or there is none; NaN where a direction or a length is not determined.
     status : Status
         SOLVED, or why not.
     reason : str
-        One line for a status other than SOLVED.
+        One line for a status other than SOLVED, or for a length that was not told.
     predicted : bool
         Whether the motion and its covariance are a motion model's, since the images did not tell.
     scale_known : bool
-        Whether the translation is metric.
+        Whether the translation is metric, by depth or by a length told.
+    length_predicted : bool
+        Whether the length [m] is the one expected after those before, with its uncertainty in ``covariance``.
     inliers : int
         Inliers of *this* motion, in ``inlier_unit``.
     informative : int
@@ -75,6 +78,7 @@ class EgoMotion:
     reason: str = ""
     predicted: bool = False
     scale_known: bool = True
+    length_predicted: bool = False
     inliers: int = 0
     informative: int = 0
     components: int = 0

@@ -3,13 +3,15 @@
 from flowlik.odometry.boresight import Boresight
 from flowlik.odometry.loop import measure_sequence, run_odometry
 from flowlik.odometry.odometry import Odometry
-from flowlik.odometry.scale import scale_source
+from flowlik.odometry.scale import Length, ScaleSource, scale_source
 from flowlik.odometry.self_calibration import SelfCalibration
 from flowlik.odometry.trajectory_covariance import read_covariance_csv, trajectory_covariance
 
 __all__ = [
     "Boresight",
+    "Length",
     "Odometry",
+    "ScaleSource",
     "SelfCalibration",
     "measure_sequence",
     "read_covariance_csv",

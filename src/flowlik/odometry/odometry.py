@@ -18,8 +18,9 @@ from flowlik.image.depth import check_depth_z
 from flowlik.measurement.features import measure_features
 from flowlik.measurement.measurements import Measurements
 from flowlik.odometry._constant_velocity import ConstantVelocity
+from flowlik.odometry._lengths import LengthModel, with_length
 from flowlik.odometry.boresight import Boresight
-from flowlik.odometry.scale import Norm, ScaleSource, Unscaled
+from flowlik.odometry.scale import Length, Norm, ScaleSource, Unscaled, scaled
 from flowlik.odometry.self_calibration import Intrinsics, SelfCalibration
 from flowlik.support.arrays import Array
 
@@ -48,6 +49,8 @@ class Odometry:
         Seed of pixels and samples; frame k uses (seed, k).
     scale : ScaleSource, optional
         Where the length of a motion comes from without depth; by default every motion has unit length.
+        Where it tells none, or one that is not believed, a motion has the length expected after those
+        before, and says so.
     self_calibration : SelfCalibration, optional
         Refine the camera's intrinsics from its images; by default they stay as given.
     boresight : bool
@@ -86,7 +89,7 @@ class Odometry:
         self._depth: Array | None = None
         self._usable: NDArray[np.bool_] | None = None
         self._model = ConstantVelocity()
-        self._length_m: float | None = None
+        self._lengths = LengthModel()
 
     def step(
         self,
@@ -239,28 +242,30 @@ class Odometry:
         return motion
 
     def _with_length(self, motion: EgoMotion, k: int, distance_m: float | None) -> EgoMotion:
-        """Give the motion the length that the scale source tells, or the last one where it tells none."""
+        """Give the motion the length that is told, or the one that is expected where none is."""
+        if motion.status is Status.STILL:
+            self._lengths = self._lengths.updated(0.0, 0.0)
         if (motion.scale_known and motion.solved) or motion.status is Status.STILL:
             return motion
-        if distance_m is None and (motion.solved or isinstance(self.scale, Norm)):
-            assert self.last is not None
-            distance_m = self.scale.length_m(k, self.last.measurements, self.last.camera, motion.T_k_prev)
-            if distance_m is None and self.scale.name != "none":
-                distance_m = self._length_m
-        if distance_m is None:
+        if distance_m is None and self.scale.name == "none":
             return motion
-        self._length_m = distance_m
-        factor = np.repeat([1.0, distance_m], 3)
-        return replace(
-            motion,
-            T_k_prev=scaled(motion.T_k_prev, distance_m),
-            information=motion.information / np.outer(factor, factor)
-            if distance_m > 0
-            else motion.information,
-            covariance=motion.covariance * np.outer(factor, factor) if motion.solved else motion.covariance,
-            sensitivity=None,
-            scale_known=True,
-        )
+        told = Length(distance_m) if distance_m is not None else self._told(motion, k)
+        if motion.solved:
+            motion, self._lengths = with_length(motion, told, self._lengths, self.scale.name)
+        elif told is None:
+            self._lengths = self._lengths.skipped()
+            motion = replace(motion, length_predicted=not motion.scale_known)
+        else:
+            self._lengths = self._lengths.updated(told.metres, told.sigma_m)
+            motion = replace(motion, T_k_prev=scaled(motion.T_k_prev, told.metres), scale_known=True)
+        return motion
+
+    def _told(self, motion: EgoMotion, k: int) -> Length | None:
+        """What the scale source tells of a motion; of one that was not solved only where it needs none."""
+        if self.last is None or not (motion.solved or isinstance(self.scale, Norm)):
+            return None
+        m, camera = self.last.measurements, self.last.camera
+        return self.scale.length(k, m, camera, motion.T_k_prev, self.estimator.likelihood)
 
 
 def check_frame(camera: Pinhole, image: Image, depth: Array | None) -> None:
@@ -278,10 +283,3 @@ def check_frame(camera: Pinhole, image: Image, depth: Array | None) -> None:
             raise DataError(f"{name} of {array.shape[1]}x{array.shape[0]} for a camera of {size}")
     if depth is not None:
         check_depth_z(depth)
-
-
-def scaled(T_k_prev: RigidTransform, distance_m: float) -> RigidTransform:
-    """Return the motion with a translation of the given length [m]; a zero translation stays zero."""
-    length = float(np.linalg.norm(T_k_prev.translation))
-    factor = distance_m / length if length > 0 else 0.0
-    return RigidTransform.from_components(T_k_prev.translation * factor, T_k_prev.rotation)

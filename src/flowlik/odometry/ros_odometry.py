@@ -193,7 +193,10 @@ class _Told:
 
 def _has_scale(motions: Sequence[EgoMotion]) -> bool:
     """Whether all motions that go anywhere are in metres."""
-    return all(motion.scale_known or not np.any(motion.T_k_prev.translation) for motion in motions)
+    return all(
+        motion.scale_known or motion.length_predicted or not np.any(motion.T_k_prev.translation)
+        for motion in motions
+    )
 
 
 def _with_unknown(covariance: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import cv2
@@ -14,16 +14,52 @@ from flowlik.datasets.base import ImageSequence, lacks
 from flowlik.errors import DataError
 from flowlik.flow.base import Image
 from flowlik.geometry.camera import Pinhole
+from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.measurement.measurements import Measurements
+from flowlik.odometry._parallax import Parallax, fit_inverse_depths
 from flowlik.support.arrays import Array
 
 SCALES = ("truth-norm", "gps-norm", "camera-height", "stereo", "none")
-LEAST_POINTS = 15
-LEAST_PARALLAX_PX = 1.0
-BELOW_HORIZON = 0.04
-LANE = 2.0
-KERNEL = 0.05
+# a length known no better than this is none
+WIDEST = 0.15
+# the road in front: as far to the side as the camera is high, times this, and this far below the horizon
+LANE = 1.3
+BELOW_HORIZON = 0.1
+# how far a road is off the direction of travel, along it and across [rad], and a car moves up and down a step
+TILT, ROLL, BOUNCE_M = np.deg2rad(0.25), np.deg2rad(2.0), 0.003
+# the road's vectors lie as far below the horizon as all of them do, and not on a strip of something upright
+LEAST_SPREAD = 0.5
+# steps tried, in heights of the camera, and rolls [rad]
+STEPS = np.geomspace(0.003, 3.0, 100)
+ROLLS = np.deg2rad([-4.0, 0.0, 4.0])
 DISPARITIES = 128
+DISPARITY_SIGMA_PX = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Length:
+    """Length of a motion, told by a scale source.
+
+    Attributes
+    ----------
+    metres : float
+        Length [m].
+    sigma_m : float
+        Standard deviation [m] of its error where the motion is as given; 0 for a length taken as exact.
+    by_motion : array (6,)
+        Derivative of its logarithm by the left tangent of the motion of unit length: how the motion's
+        error enters it.
+    """
+
+    metres: float
+    sigma_m: float = 0.0
+    by_motion: Array = field(default_factory=lambda: np.zeros(6))
+
+    def sigma_with(self, covariance: Array) -> float:
+        """Standard deviation [m] with the error of the motion of unit length, covariance (6, 6)."""
+        return float(
+            np.hypot(self.sigma_m, self.metres * np.sqrt(self.by_motion @ covariance @ self.by_motion))
+        )
 
 
 class ScaleSource(Protocol):
@@ -34,37 +70,68 @@ class ScaleSource(Protocol):
         """As a protocol names it."""
         ...
 
-    def length_m(self, k: int, m: Measurements, camera: Pinhole, T_k_prev: RigidTransform) -> float | None:
-        """Length [m] of a motion of unit length; None where it cannot be told."""
+    def length(
+        self, k: int, m: Measurements, camera: Pinhole, T_k_prev: RigidTransform, likelihood: FlowLikelihood
+    ) -> Length | None:
+        """Length of a motion of unit length; None where it cannot be told.
+
+        Parameters
+        ----------
+        k : int
+            Frame.
+        m : Measurements
+            Flow between images k - 1 and k.
+        camera : Pinhole
+            Camera of both images.
+        T_k_prev : RigidTransform
+            Motion, with a translation of unit length.
+        likelihood : FlowLikelihood
+            Of the flow's errors.
+        """
         ...
 
 
 @dataclass(frozen=True)
 class Norm:
-    """Length of a motion known from elsewhere: the truth's, or a GPS's."""
+    """Length of a motion known from elsewhere: the truth's, or a GPS's.
+
+    Parameters
+    ----------
+    name : str
+        As a protocol names it.
+    distance_m : callable
+        Length [m] of the motion from frame k - 1 to k; NaN unknown.
+    sigma_m : callable, optional
+        Its standard deviation [m]; without it lengths are taken as exact. A length no larger than that is
+        none: the noise of two positions has a length too.
+    """
 
     name: str
     distance_m: Callable[[int], float]
+    sigma_m: Callable[[int], float] | None = None
 
-    def length_m(self, k: int, m: Measurements, camera: Pinhole, T_k_prev: RigidTransform) -> float | None:
-        """Length [m] of the motion from frame k - 1 to k."""
-        return self.distance_m(k)
+    def length(
+        self, k: int, m: Measurements, camera: Pinhole, T_k_prev: RigidTransform, likelihood: FlowLikelihood
+    ) -> Length | None:
+        """Length of the motion from frame k - 1 to k."""
+        metres, sigma_m = self.distance_m(k), self.sigma_m(k) if self.sigma_m else 0.0
+        known = np.isfinite(metres) and (metres > sigma_m or self.sigma_m is None)
+        return Length(metres, sigma_m) if known else None
 
 
 @dataclass(frozen=True)
 class CameraHeight:
     """Known height of the camera over a road, whose height in units of the motion the flow tells.
 
-    Points below the horizon, at most twice as far to the side as the camera is high, are triangulated; the
-    road is where most of them lie (the mode of their log-heights, each weighed by its parallax), as in VOLDOR
-    (Min and others, CVPR 2020). The road is taken to be parallel to the optical axis but for `pitch_rad`.
+    On a plane inverse depth is linear in the ray, ``1 / z = (n / h) . ray`` with the normal n and the height
+    h. Vectors in front of the car are a mixture of those of the road, with the likelihood's errors along
+    their epipolar lines, and of others. A car drives along its road: the normal is across the direction of
+    travel but for a small tilt (docs/theory-scale.md).
 
     Parameters
     ----------
     height_m : float
-        Height of the camera over the road [m]; KITTI's is 1.65.
-    pitch_rad : float
-        Angle of the optical axis below the road's direction [rad].
+        Height of the camera over the road [m].
 
     Raises
     ------
@@ -72,24 +139,39 @@ class CameraHeight:
         If the height is not positive.
     """
 
-    height_m: float = 1.65
-    pitch_rad: float = 0.0
+    height_m: float
     name: str = "camera-height"
 
     def __post_init__(self) -> None:
         if not 0 < self.height_m < np.inf:
             raise DataError(f"camera height {self.height_m} m must be positive")
 
-    def length_m(self, k: int, m: Measurements, camera: Pinhole, T_k_prev: RigidTransform) -> float | None:
-        """Length [m] of the motion; None where fewer than 15 points of the road are seen."""
-        rays = camera.rays(m.pixels)
-        height = rays @ np.array([0.0, np.cos(self.pitch_rad), np.sin(self.pitch_rad)])
-        depth, parallax = _triangulated(m, camera, T_k_prev)
-        road = (height > BELOW_HORIZON) & (np.abs(rays[:, 0]) < LANE * height)
-        road &= (parallax > LEAST_PARALLAX_PX) & (depth > 0)
-        if road.sum() < LEAST_POINTS:
+    def length(
+        self, k: int, m: Measurements, camera: Pinhole, T_k_prev: RigidTransform, likelihood: FlowLikelihood
+    ) -> Length | None:
+        """Length of the motion; None where too little of a road is seen, or too little parallax."""
+        travel = -T_k_prev.inv().rotation.apply(T_k_prev.translation)
+        travel /= np.linalg.norm(travel)
+        right = np.cross(travel, [0.0, 1.0, 0.0])
+        if (across := np.linalg.norm(right)) < 0.1:
+            return None  # up or down: along no road
+        right /= across
+        down = np.cross(right, travel)
+        below = camera.rays(m.pixels) @ down
+        in_front = (below > BELOW_HORIZON) & (np.abs(camera.rays(m.pixels) @ right) < LANE * below)
+        parallax = Parallax.of(m.select(in_front), camera, T_k_prev)
+
+        def prior(size: float) -> Array:
+            along, aside = np.hypot(TILT * size, BOUNCE_M / self.height_m), ROLL * size
+            return np.outer(travel, travel) / along**2 + np.outer(right, right) / aside**2
+
+        rays = camera.rays(parallax.measurements.pixels)
+        starts = [step * (down + roll * right) for step in STEPS for roll in ROLLS]
+        fit = fit_inverse_depths(parallax, rays, np.array(starts), prior, likelihood)
+        if fit is None or fit.q @ down <= 0 or _spread(rays @ down, fit.belongs) < LEAST_SPREAD:
             return None
-        return self.height_m / _mode((depth * height)[road], parallax[road])
+        size = float(np.linalg.norm(fit.q))
+        return _told(self.height_m * size, fit.q / size**2, fit.covariance, fit.by_motion)
 
 
 @dataclass(frozen=True)
@@ -105,19 +187,25 @@ class Stereo:
     sequence: Any
     name: str = "stereo"
 
-    def length_m(self, k: int, m: Measurements, camera: Pinhole, T_k_prev: RigidTransform) -> float | None:
-        """Length [m] of the motion; None where fewer than 15 points have a disparity and parallax."""
+    def length(
+        self, k: int, m: Measurements, camera: Pinhole, T_k_prev: RigidTransform, likelihood: FlowLikelihood
+    ) -> Length | None:
+        """Length of the motion; None where too few vectors have a disparity and parallax."""
         disparity = _stereo_disparity(self.sequence.image(k - 1), self.sequence.right_image(k - 1))
-        column, row = np.rint(m.pixels).astype(int).T
-        inside = camera.contains(m.pixels)
+        parallax = Parallax.of(m, camera, T_k_prev)
+        pixels = parallax.measurements.pixels
+        column, row = np.rint(pixels).astype(int).T
+        inside = camera.contains(pixels)
         d = np.where(inside, disparity[np.where(inside, row, 0), np.where(inside, column, 0)], np.nan)
-        depth, parallax = _triangulated(m, camera, T_k_prev)
-        usable = (d > 1) & (parallax > LEAST_PARALLAX_PX) & (depth > 0)
-        if usable.sum() < LEAST_POINTS:
+        parallax, d = parallax.select(d > 1), d[d > 1]
+        nearness = d[:, None] / (camera.fx * self.sequence.baseline_m)
+        steps = STEPS[:, None] * self.sequence.baseline_m * 30
+        fit = fit_inverse_depths(
+            parallax, nearness, steps, lambda _: np.zeros((1, 1)), likelihood, DISPARITY_SIGMA_PX / d
+        )
+        if fit is None or fit.q[0] <= 0:
             return None
-        metres = camera.fx * self.sequence.baseline_m / d[usable]
-        precision = 1 / np.hypot(1 / parallax[usable], 0.3 / d[usable])
-        return float(_weighted_median(metres / depth[usable], precision))
+        return _told(float(fit.q[0]), 1 / fit.q, fit.covariance, fit.by_motion)
 
 
 @dataclass(frozen=True)
@@ -126,36 +214,48 @@ class Unscaled:
 
     name: str = "none"
 
-    def length_m(self, k: int, m: Measurements, camera: Pinhole, T_k_prev: RigidTransform) -> float | None:
+    def length(
+        self, k: int, m: Measurements, camera: Pinhole, T_k_prev: RigidTransform, likelihood: FlowLikelihood
+    ) -> Length | None:
         """Return None."""
         return None
 
 
-def scale_source(name: str, sequence: ImageSequence, height_m: float = 1.65) -> ScaleSource:
+def scale_source(name: str, sequence: ImageSequence, height_m: float | None = None) -> ScaleSource:
     """Scale source by its name in `SCALES`.
+
+    Parameters
+    ----------
+    name : str
+        Name.
+    sequence : ImageSequence
+        Data, with what the source needs.
+    height_m : float, optional
+        Height of the camera over the road [m]: needed by ``camera-height``, and by no other.
 
     Raises
     ------
     DataError
-        If the name is unknown, or the data lacks what the source needs.
+        If the name is unknown, the data lacks what the source needs, or the height is missing or has no use.
     """
-    if name == "none":
-        return Unscaled()
+    if name not in SCALES:
+        raise DataError(f"unknown scale source {name!r}: known are {', '.join(SCALES)}")
+    if height_m is None and name == "camera-height":
+        raise DataError("--scale camera-height needs --camera-height, the camera's height over the road [m]")
+    if height_m is not None:
+        if name != "camera-height":
+            raise DataError(f"--camera-height has no use with --scale {name}: --scale camera-height takes it")
+        return CameraHeight(height_m)
     if name == "truth-norm":
         sequence.T_n_c(0)
         return Norm(name, lambda k: true_distance(sequence, k))
     if name == "gps-norm":
-        positions = getattr(sequence, "gps_positions", None)
-        if positions is None:
-            raise lacks(sequence.name, "GPS positions (scale gps-norm needs the OXTS of KITTI raw)")
-        return Norm(name, lambda k: float(np.linalg.norm(positions[k] - positions[k - 1])))
-    if name == "camera-height":
-        return CameraHeight(height_m)
+        return _gps_norm(sequence)
     if name == "stereo":
         if getattr(sequence, "baseline_m", None) is None or not hasattr(sequence, "right_image"):
             raise lacks(sequence.name, "second camera (scale stereo needs right images and their baseline)")
         return Stereo(sequence)
-    raise DataError(f"unknown scale source {name!r}: known are {', '.join(SCALES)}")
+    return Unscaled()
 
 
 def true_distance(sequence: ImageSequence, k: int) -> float:
@@ -163,22 +263,36 @@ def true_distance(sequence: ImageSequence, k: int) -> float:
     return float(np.linalg.norm(sequence.T_n_c(k).translation - sequence.T_n_c(k - 1).translation))
 
 
-def _triangulated(m: Measurements, camera: Pinhole, T_k_prev: RigidTransform) -> tuple[Array, Array]:
-    """Depths (N,) along z in image k - 1, in units of the motion's length, and parallaxes (N,) [px].
+def scaled(T_k_prev: RigidTransform, distance_m: float) -> RigidTransform:
+    """Return the motion with a translation of the given length [m]; a zero translation stays zero."""
+    length = float(np.linalg.norm(T_k_prev.translation))
+    factor = distance_m / length if length > 0 else 0.0
+    return RigidTransform.from_components(T_k_prev.translation * factor, T_k_prev.rotation)
 
-    The parallax is the part of the flow along the epipolar line that the rotation does not explain, in whose
-    inverse proportion the depth is uncertain; a depth behind the camera is not positive.
-    """
-    far = T_k_prev.rotation.apply(camera.rays(m.pixels))
-    t = T_k_prev.translation / np.linalg.norm(T_k_prev.translation)
-    end = camera.rays(m.pixels + m.flow)
-    # end x (depth far + t) = 0, solved along the line: components of both orthogonal to the end ray
-    a, b = np.cross(end, far), np.cross(end, t)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        depth = -(a * b).sum(axis=1) / (a**2).sum(axis=1)
-        infinity = camera.v2p(far)
-    parallax = np.linalg.norm(m.pixels + m.flow - infinity, axis=1)
-    return depth, np.where(np.isfinite(parallax), parallax, 0.0)
+
+def _gps_norm(sequence: ImageSequence) -> Norm:
+    """Distance of a GPS's positions, and its own word on their accuracy."""
+    positions = getattr(sequence, "gps_positions", None)
+    accuracy = getattr(sequence, "gps_accuracy_m", None)
+    if positions is None or accuracy is None:
+        raise lacks(sequence.name, "GPS positions and accuracy (scale gps-norm needs the OXTS of KITTI raw)")
+    return Norm(
+        "gps-norm",
+        lambda k: float(np.linalg.norm(positions[k] - positions[k - 1])),
+        lambda k: float(np.hypot(accuracy[k - 1], accuracy[k])),
+    )
+
+
+def _told(metres: float, relative: Array, covariance: Array, by_motion: Array) -> Length | None:
+    """Length of a fit, given the derivative (P,) of its logarithm by the parameters; None if too wide."""
+    sigma = float(np.sqrt(relative @ covariance @ relative))
+    return Length(metres, sigma * metres, relative @ by_motion) if sigma < WIDEST else None
+
+
+def _spread(values: Array, weights: Array) -> float:
+    """Standard deviation of weighted values (N,) over that of all."""
+    mean = np.average(values, weights=weights)
+    return float(np.sqrt(np.average((values - mean) ** 2, weights=weights)) / values.std())
 
 
 def _stereo_disparity(left: Image, right: Image) -> Array:
@@ -190,18 +304,3 @@ def _stereo_disparity(left: Image, right: Image) -> Array:
     )  # fmt: skip
     disparity = matcher.compute(left, right).astype(np.float64) / 16
     return np.where(disparity > 0, disparity, np.nan)
-
-
-def _mode(values: Array, weights: Array) -> float:
-    """Where positive values are densest on a logarithmic axis, by a kernel of 5 % of a value."""
-    logs = np.log(values)
-    distance = (logs[:, None] - logs) / KERNEL
-    density = (weights * np.exp(-0.5 * distance**2)).sum(axis=1)
-    near = np.abs(distance[density.argmax()]) < 2
-    return float(np.exp(np.average(logs[near], weights=weights[near])))
-
-
-def _weighted_median(values: Array, weights: Array) -> float:
-    order = np.argsort(values)
-    cumulated = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(cumulated, 0.5 * cumulated[-1])])

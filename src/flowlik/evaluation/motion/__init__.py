@@ -10,6 +10,7 @@ from flowlik.evaluation.motion._drift import (
     kitti_errors,
     relative_pose_errors,
 )
+from flowlik.evaluation.motion._length_records import length_records, length_sigma
 from flowlik.evaluation.motion._matching import match
 from flowlik.evaluation.motion._motion_records import status_records, trajectory_records, true_trajectory
 from flowlik.evaluation.motion._resampling import errors_by_length, errors_by_speed, t_err_interval
@@ -27,6 +28,8 @@ __all__ = [
     "errors_by_length",
     "errors_by_speed",
     "kitti_errors",
+    "length_records",
+    "length_sigma",
     "match",
     "relative_pose_errors",
     "status_records",
