@@ -114,7 +114,7 @@ def fit_inverse_depths(
     parallax: Parallax,
     X: Array,
     starts: Array,
-    prior: Callable[[float], Array],
+    prior: Callable[[Array], Array],
     likelihood: FlowLikelihood,
     spread: Array | float = 0.0,
 ) -> Fit | None:
@@ -129,7 +129,7 @@ def fit_inverse_depths(
     starts : array (S, P)
         Parameters to begin with; the likeliest is taken.
     prior : callable
-        Information (P, P) of a prior with mean 0 on q, where ``|q|`` is as given.
+        Information (P, P) of a prior with mean 0, given q.
     likelihood : FlowLikelihood
         Of errors along the lines.
     spread : array (N,) or float
@@ -165,7 +165,7 @@ def fit_inverse_depths(
         J = slopes[:, None] * X
         weight = belongs * look_up(tables.weight, rows, z / widened) / (widened**2 * ALIKE)
         weight[slopes == 0] = 0.0
-        P = prior(float(np.linalg.norm(q)))
+        P = prior(q)
         H = J.T @ (weight[:, None] * J) + P
         step = np.linalg.solve(H, J.T @ (weight * np.where(weight > 0, z, 0.0)) - P @ q)
         q = q + step
@@ -174,7 +174,11 @@ def fit_inverse_depths(
     if share < LEAST_SHARE:
         return None
     fisher = belongs * likelihood.fisher(x) / (widened**2 * ALIKE)
-    covariance = np.asarray(np.linalg.inv(J.T @ (fisher[:, None] * J) + P), dtype=np.float64)
+    # where data and prior contradict each other both are less sure: Birge's ratio of the prior's freedoms
+    A, pull = J.T @ (fisher[:, None] * J), P @ q
+    strain = float(q @ pull + pull @ np.linalg.pinv(A, hermitian=True) @ pull)
+    strain /= max(np.linalg.matrix_rank(P, hermitian=True), 1)
+    covariance = max(strain, 1.0) * np.asarray(np.linalg.inv(A + P))
     by_motion: Array = np.linalg.solve(H, J.T @ (weight[:, None] * parallax.by_motion(X @ q)))
     return Fit(q, covariance, by_motion, belongs)
 

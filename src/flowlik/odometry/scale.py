@@ -16,7 +16,7 @@ from flowlik.flow.base import Image
 from flowlik.geometry.camera import Pinhole
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.measurement.measurements import Measurements
-from flowlik.odometry._parallax import Parallax, fit_inverse_depths
+from flowlik.odometry._parallax import Fit, Parallax, fit_inverse_depths
 from flowlik.support.arrays import Array
 
 SCALES = ("truth-norm", "gps-norm", "camera-height", "stereo", "none")
@@ -27,6 +27,10 @@ LANE = 1.3
 BELOW_HORIZON = 0.1
 # how far a road is off the direction of travel, along it and across [rad], and a car moves up and down a step
 TILT, ROLL, BOUNCE_M = np.deg2rad(0.25), np.deg2rad(2.0), 0.003
+# how far a car's height on its springs is off
+SPRINGS_M = 0.015
+# how a road rises and falls along itself [1/m]
+CURVATURE = 1 / 400
 # the road's vectors lie as far below the horizon as all of them do, and not on a strip of something upright
 LEAST_SPREAD = 0.5
 # steps tried, in heights of the camera, and rolls [rad]
@@ -126,7 +130,7 @@ class CameraHeight:
     On a plane inverse depth is linear in the ray, ``1 / z = (n / h) . ray`` with the normal n and the height
     h. Vectors in front of the car are a mixture of those of the road, with the likelihood's errors along
     their epipolar lines, and of others. A car drives along its road: the normal is across the direction of
-    travel but for a small tilt (docs/theory-scale.md).
+    travel but for a small tilt, and bends up or down a little (docs/theory-scale.md).
 
     Parameters
     ----------
@@ -161,17 +165,23 @@ class CameraHeight:
         in_front = (below > BELOW_HORIZON) & (np.abs(camera.rays(m.pixels) @ right) < LANE * below)
         parallax = Parallax.of(m.select(in_front), camera, T_k_prev)
 
-        def prior(size: float) -> Array:
+        def prior(q: Array) -> Array:
+            size = float(np.linalg.norm(q[:3]))
             along, aside = np.hypot(TILT * size, BOUNCE_M / self.height_m), ROLL * size
-            return np.outer(travel, travel) / along**2 + np.outer(right, right) / aside**2
+            information = np.zeros((4, 4))
+            information[:3, :3] = np.outer(travel, travel) / along**2 + np.outer(right, right) / aside**2
+            information[3, 3] = 1 / (0.5 * CURVATURE * self.height_m * size) ** 2
+            return information
 
         rays = camera.rays(parallax.measurements.pixels)
-        starts = [step * (down + roll * right) for step in STEPS for roll in ROLLS]
-        fit = fit_inverse_depths(parallax, rays, np.array(starts), prior, likelihood)
-        if fit is None or fit.q @ down <= 0 or _spread(rays @ down, fit.belongs) < LEAST_SPREAD:
+        X = np.column_stack([rays, 1 / (rays @ down)])
+        starts = [[*(step * (down + roll * right)), 0.0] for step in STEPS for roll in ROLLS]
+        fit = fit_inverse_depths(parallax, X, np.array(starts), prior, likelihood)
+        if fit is None or fit.q[:3] @ down <= 0 or _spread(rays @ down, fit.belongs) < LEAST_SPREAD:
             return None
-        size = float(np.linalg.norm(fit.q))
-        return _told(self.height_m * size, fit.q / size**2, fit.covariance, fit.by_motion)
+        size = float(np.linalg.norm(fit.q[:3]))
+        relative = np.append(fit.q[:3] / size**2, 0.0)
+        return _told(self.height_m * size, relative, fit, SPRINGS_M / self.height_m)
 
 
 @dataclass(frozen=True)
@@ -205,7 +215,7 @@ class Stereo:
         )
         if fit is None or fit.q[0] <= 0:
             return None
-        return _told(float(fit.q[0]), 1 / fit.q, fit.covariance, fit.by_motion)
+        return _told(float(fit.q[0]), 1 / fit.q, fit)
 
 
 @dataclass(frozen=True)
@@ -283,10 +293,13 @@ def _gps_norm(sequence: ImageSequence) -> Norm:
     )
 
 
-def _told(metres: float, relative: Array, covariance: Array, by_motion: Array) -> Length | None:
-    """Length of a fit, given the derivative (P,) of its logarithm by the parameters; None if too wide."""
-    sigma = float(np.sqrt(relative @ covariance @ relative))
-    return Length(metres, sigma * metres, relative @ by_motion) if sigma < WIDEST else None
+def _told(metres: float, relative: Array, fit: Fit, besides: float = 0.0) -> Length | None:
+    """Length of a fit, given the derivative (P,) of its logarithm by the parameters; None if too wide.
+
+    `besides` is a relative standard deviation that the fit does not know of.
+    """
+    sigma = float(np.sqrt(relative @ fit.covariance @ relative + besides**2))
+    return Length(metres, sigma * metres, relative @ fit.by_motion) if sigma < WIDEST else None
 
 
 def _spread(values: Array, weights: Array) -> float:

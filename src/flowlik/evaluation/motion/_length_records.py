@@ -20,7 +20,8 @@ def length_sigma(motion: EgoMotion) -> float:
     """Standard deviation of the length of a motion's translation, by its covariance; NaN without one."""
     t: Array = motion.T_k_prev.translation
     square = float(t @ t)
-    return float(np.sqrt(t @ motion.covariance[3:, 3:] @ t / square)) if square > 0 else float("nan")
+    variance = np.maximum(t @ motion.covariance[3:, 3:] @ t, 0.0)
+    return float(np.sqrt(variance / square)) if square > 0 else float("nan")
 
 
 def length_records(motions: Seq[EgoMotion], truth: Trajectory | None, base: Record) -> list[Record]:
