@@ -293,13 +293,16 @@ def covered(seed: int, pairs: int, cache: Path) -> Clip:
 
 
 def vehicle(seed: int, pairs: int, cache: Path) -> Clip:
-    """A vehicle fills 60 % of the image and goes its own way."""
+    """A vehicle fills 60 % of the image and goes its own way; the first six frames are without it."""
     rng = np.random.default_rng([seed, 10])
-    poses, still = wandering(rng)(np.arange(pairs + 1)), gallery(rng, CAMERA, 3.0)
+    frames = pairs + 7
+    poses, still = wandering(rng)(np.arange(frames)), gallery(rng, CAMERA, 3.0)
     own = 0.04 * rng.uniform(0.5, 1.5) * rng.choice([-1, 1])
     width, height = 2.5 * CAMERA.width / CAMERA.fx / 2, 2.5 * CAMERA.height / CAMERA.fy / 2
 
     def scene(k: int) -> Scene:
+        if k < 6:
+            return still
         # it keeps before the camera but for a slow way of its own
         sway = own * np.array([10 * np.sin(k / 10), 3 * np.sin(k / 7), 4 * np.cos(k / 9)])
         centre = poses[k].apply(np.array([0, 0, 2.5])) + sway
@@ -307,7 +310,8 @@ def vehicle(seed: int, pairs: int, cache: Path) -> Clip:
         side = Rectangle(centre, right, down, (0.8 * width, 0.75 * height), 0.007, 3)
         return replace(still, rectangles=[*still.rectangles, side])
 
-    return staged("vehicle", seed, scene, poses)
+    # judged from where both frames show it
+    return replace(staged("vehicle", seed, scene, poses), judged=np.arange(frames) > 6)
 
 
 def rail(seed: int, pairs: int, cache: Path) -> Clip:

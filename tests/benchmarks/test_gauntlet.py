@@ -5,6 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2, kstest
 
@@ -35,13 +36,18 @@ def cache(tmp_path_factory):
     return tmp_path_factory.mktemp("gauntlet")
 
 
-def differences(clip, k, T):
-    """Grey levels (H, W) by which frame k - 1 differs from frame k at where OpenCV projects its points."""
+def ends_of(clip, k, T):
+    """Where (H, W, 2) OpenCV projects the points of frame k - 1 in frame k."""
     v, u = np.mgrid[: clip.camera.height, : clip.camera.width].astype(np.float64)
     rays = np.linalg.inv(clip.camera.K) @ np.stack([u.ravel(), v.ravel(), np.ones(u.size)])
     points = (clip.depth(k - 1).ravel() * rays).T
     ends, _ = cv2.projectPoints(points, T.rotation.as_rotvec(), T.translation, clip.camera.K, None)
-    ends = ends.reshape(*u.shape, 2).astype(np.float32)
+    return ends.reshape(*u.shape, 2).astype(np.float32)
+
+
+def differences(clip, k, T):
+    """Grey levels (N,) by which frame k - 1 differs from frame k at where its points are seen."""
+    ends = ends_of(clip, k, T)
     seen = cv2.remap(clip.image(k).astype(np.float32), ends, None, cv2.INTER_CUBIC, borderValue=np.nan)
     difference = np.abs(seen - clip.image(k - 1))
     return difference[np.isfinite(difference)]
@@ -50,12 +56,23 @@ def differences(clip, k, T):
 @pytest.mark.parametrize("name", ORDINARY)
 def test_true_motion_and_depth_take_one_frame_to_the_next(name, cache):
     clip = SCENARIOS[name].make(3, 6, cache)
-    for k in (1, 5):
+    for k in np.flatnonzero(clip.judged)[[0, 4]]:
         share = STATIC_SHARE.get(name, 0.85)
         right = differences(clip, k, clip.truth(k)) < 8
         wrong = differences(clip, k, exp_se3(np.array([0, 0.01, 0.02, 0, 0, 0])) * clip.truth(k)) < 8
         assert right.mean() > share
         assert right.mean() > wrong.mean() + 0.2 * share
+
+
+@pytest.mark.parametrize("name", ["pan-0.3", "pan-3", "roll", "plane-fronto", "plane-ground", "two-planes"])
+def test_images_move_as_the_truth_says_to_a_hundredth_of_a_pixel(name, cache):
+    clip = SCENARIOS[name].make(2, 4, cache)
+    u, v = np.moveaxis(ends_of(clip, 3, clip.truth(3)), -1, 0)
+    seen = map_coordinates(clip.image(3).astype(float), [v, u], order=5)
+    inside = (np.minimum(u, v) > 8) & (u < CAMERA.width - 9) & (v < CAMERA.height - 9)
+    slopes = np.stack([part[inside] for part in np.gradient(seen)], axis=-1)
+    shift = np.linalg.lstsq(slopes, (clip.image(2) - seen)[inside], rcond=None)[0]
+    assert np.abs(shift).max() < 0.01
 
 
 def test_rows_of_a_rolling_shutter_are_true_in_the_middle_alone(cache):
