@@ -243,8 +243,8 @@ class Odometry:
 
     def _with_length(self, motion: EgoMotion, k: int, distance_m: float | None) -> EgoMotion:
         """Give the motion the length that is told, or the one that is expected where none is."""
-        if motion.status is Status.STILL:
-            self._lengths = self._lengths.updated(0.0, 0.0)
+        if motion.status is Status.STILL:  # flow that is missed looks still too: no length is learned of it
+            self._lengths = self._lengths.skipped()
         if (motion.scale_known and motion.solved) or motion.status is Status.STILL:
             return motion
         if distance_m is None and self.scale.name == "none":
