@@ -286,3 +286,14 @@ def test_tum_lists_out_of_order_or_double_are_refused_or_sorted(tmp_path):
         assert any(f"{name}: 1 rows left out, whose time another row has" in note for note in notes)
         assert any("1 of 5 images have no depth or pose within 0.02 s, left out" in note for note in notes)
         (folder / name).write_text("\n".join(rows) + "\n")
+
+
+def test_tum_depth_that_is_saturated_is_unknown(tmp_path):
+    """What is beyond 16 bits is written as their largest value, 13.1 m: no measurement."""
+    folder = make_tum(tmp_path)
+    values = 5 * some_depth_mm(0)
+    values[4, 5] = 65535
+    save(folder / f"depth/{DEPTH_TIMES[0]:.6f}.png", values)
+    depth = open_sequence(folder).depth(0)
+    assert np.isnan(depth[4, 5])
+    assert np.isfinite(depth).mean() > 0.5 and np.nanmax(depth) < 65535 / 5000

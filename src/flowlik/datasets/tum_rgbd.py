@@ -25,6 +25,9 @@ TOLERANCE_S = 0.02
 
 UNITS_PER_M = 5000
 
+UNKNOWN = 0, 65535
+"""Depth that was not measured, or is farther than 16 bits hold."""
+
 _SIZE = (640, 480)
 CAMERAS = {
     "freiburg1": Lens(
@@ -145,7 +148,7 @@ class TumRgbd(GivenCamera, DepthFrames):
         """
         if self._depths is None:
             raise lacks(self.name, "depth (depth.txt)")
-        return read_depth(self._depths[frame_index(self, k)], self.shape, UNITS_PER_M)
+        return read_depth(self._depths[frame_index(self, k)], self.shape, UNITS_PER_M, UNKNOWN)
 
 
 def _read_list(path: Path, lenient: bool) -> TimedFiles:
