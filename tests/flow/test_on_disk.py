@@ -81,7 +81,7 @@ def test_the_file_of_a_pair_is_its_flow(tmp_path, suffix):
 
 
 def test_numbers_in_names_are_in_their_own_order(tmp_path):
-    write(tmp_path, ["v2_8.flo", "v2_9.npy", "v2_10.flo", "v2_100.png"])
+    write(tmp_path, ["v2_8.flo", "v2_9.npy", "v2_10.flo", "v2_11.png"])
     assert values(FlowFiles("raft", tmp_path), 5) == [1, 2, 3, 4]
 
 
@@ -255,3 +255,29 @@ def test_a_folder_of_hdf5_says_what_converts_it(tmp_path):
     (tmp_path / "0.flo5").write_bytes(b"\x89HDF")
     with pytest.raises(DataError, match="flow in HDF5 is not read; convert it"):
         FlowFiles("spring", tmp_path).for_pair(Frames(2), 0).dense(IMAGE, IMAGE)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [["0.npy", "1.npy", "3.npy"], ["f_0010_11.flo", "f_0020_21.flo", "f_0040_41.flo"]],
+)
+def test_files_with_a_gap_are_not_taken_by_their_place(tmp_path, names):
+    method = FlowFiles("mine", write(tmp_path / "flow", names))
+    with pytest.raises(DataError, match=f"flow files are missing between {names[1]} and {names[2]}"):
+        method.for_pair(Frames(4), 0)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [["7.npy", "8.npy", "9.npy"], ["10.npy", "20.npy", "30.npy"], ["100.03.npy", "100.07.npy", "100.1.npy"],
+     ["a.npy", "b2.npy", "c.npy"], ["1403636579763.npy", "1403636579812.npy", "1403636579866.npy"]],
+)  # fmt: skip
+def test_files_of_any_even_numbers_or_of_times_are(tmp_path, names):
+    method = FlowFiles("mine", write(tmp_path / "flow", names)).for_pair(Frames(4), 2)
+    assert method.dense(IMAGE, IMAGE)[3, 3, 0] == 3
+
+
+def test_a_file_that_stands_twice_is_one_too_many(tmp_path):
+    folder = write(tmp_path / "flow", ["0.npy", "1.npy", "1.flo"])
+    with pytest.raises(DataError, match=r"1\.npy: in the order of names this is also 1\.flo; keep one"):
+        FlowFiles("mine", folder).for_pair(Frames(3), 0)

@@ -230,12 +230,12 @@ def _posed(sequence: ImageSequence, k: int) -> Iterator[tuple[str, Pinhole, Rigi
         if 0 <= k + offset < len(sequence) - 1:
             frames = f"{abs(offset)} frame{'s' * (abs(offset) > 1)}"
             yield f"the poses of {frames} {'later' if offset > 0 else 'before'}", camera, motion(k + offset)
-    middle = {"cx": (camera.width - 1) / 2, "cy": (camera.height - 1) / 2}
+    u, v = (camera.width - 1) / 2, (camera.height - 1) / 2
     for factor in FOCALS:
         other = replace(camera, fx=factor * camera.fx, fy=factor * camera.fy)
         yield f"{factor:.2g} times the focal length", other, own
         what = f"{factor:.2g} times the focal length and the principal point in the middle"
-        yield what, replace(other, **middle), own
+        yield what, replace(other, cx=u, cy=v), own
 
 
 def _posed_flow(camera: Pinhole, pixels: Array, depth: Array, T: RigidTransform) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from flowlik.datasets.flow_files import HDF5, SUFFIXES, read_flow
 from flowlik.datasets.flow_png import check_coding
 from flowlik.datasets.lens import Lens
+from flowlik.datasets.naming import in_order
 from flowlik.datasets.undistorted import removed_lens
 from flowlik.errors import DataError, ModelError
 from flowlik.flow.base import NOT_RECORDED, DenseFlow, FlowMethod, FlowOfPairs, Image, as_dense, check_pair
@@ -129,6 +131,7 @@ class FlowFiles(DenseFlow, FlowOfPairs):
             if len(files) != pairs:
                 where = files[0].parent if files else path
                 raise DataError(f"{where}: {len(files)} flow files, but {of} need {pairs}, one for each pair")
+            _check_gaps(files)
         return replace(self, path=forward[k], back=back[k] if back else None)
 
 
@@ -151,9 +154,27 @@ def _files(folder: Path) -> list[Path]:
     if not folder.is_dir():
         return []
     found = [path for path in folder.iterdir() if path.suffix.lower() in (*SUFFIXES, HDF5) and path.is_file()]
-    return sorted(found, key=_by_number)
+    return in_order(found)
 
 
-def _by_number(path: Path) -> list[tuple[int, str]]:
-    parts = re.split(r"(\d+)", path.name)
-    return [(int(part), "") if i % 2 else (0, part) for i, part in enumerate(parts)]
+def _check_gaps(files: list[Path]) -> None:
+    """Refuse files in order some of whose numbers are missing: those after a gap are not of their pairs.
+
+    Raises
+    ------
+    DataError
+        If numbers advance by one step at least half of the time, and somewhere by several.
+    """
+    numbers = [[int(n) for n in re.findall(r"\d+", path.stem)] for path in files]
+    if len({len(row) for row in numbers}) != 1:
+        return
+    for column in zip(*numbers):
+        steps = [b - a for a, b in pairwise(column)]
+        if not any(steps):
+            continue
+        step = min(steps)
+        gaps = [i for i, s in enumerate(steps) if s != step]
+        if gaps and step > 0 and 2 * len(gaps) <= len(steps) and all(s % step == 0 for s in steps):
+            first, second = files[gaps[0]].name, files[gaps[0] + 1].name
+            raise DataError(f"{files[0].parent}: flow files are missing between {first} and {second}")
+        return
