@@ -85,13 +85,14 @@ def make_scene(
     n: int = 400,
     likelihood: FlowLikelihood | None = None,
     outliers: float = 0.0,
+    depth_of: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> Scene:
-    """Random pixels, depths (2 to 20 m), textures and eigenbases; exact flow of a motion.
+    """Random pixels, depths (2 to 20 m, or those of rays), textures and eigenbases; exact flow of a motion.
 
     To it come errors drawn from a likelihood, and errors of up to 40 px on a share of the vectors.
     """
     pixels = rng.uniform([0, 0], [CAMERA.width - 1, CAMERA.height - 1], (n, 2))
-    depth = rng.uniform(2, 20, n)
+    depth = rng.uniform(2, 20, n) if depth_of is None else depth_of(CAMERA.rays(pixels))
     angle = rng.uniform(0, np.pi, n)
     R_i_e = np.stack([np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)], axis=-1).reshape(-1, 2, 2)
     texture = np.sort(10 ** rng.uniform(-1, 3.5, (n, 2)), axis=1)[:, ::-1]

@@ -146,7 +146,7 @@ def _flown(
             T = truth.poses[k].inv() * truth.poses[k - 1]
             agreements.append(agreement(robot.last.measurements, robot.last.camera, T, motion.T_k_prev))
     seconds = time.perf_counter() - begin
-    if not any(motion.solved for motion in found):
+    if all(motion.predicted for motion in found):
         reason = found[0].reason if found else "there is only one image"
         raise DataError(f"{sequence.name}: no frame could be solved ({reason})")
     return Flown(sequence, robot, truth, found, agreements, seconds)

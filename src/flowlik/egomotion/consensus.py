@@ -21,10 +21,9 @@ ANNEALING = (8.0, 4.0, 2.0, 1.0)
 
 
 class Found(NamedTuple):
-    """Motion (3, 4) of most support, None without any; whether it is ambiguous; samples drawn."""
+    """Motion (3, 4) of most support, None without any; samples drawn."""
 
     T: Array | None
-    ambiguous: bool
     drawn: int
 
 
@@ -44,10 +43,10 @@ def consensus(
     def draws(inliers: NDArray[np.bool_]) -> int:
         return _draws(problem, weights, inliers, most_drawn, success)
 
-    best, ambiguous, most, drawn, needed = None, False, 0, 0, most_drawn
+    best, most, drawn, needed = None, 0, 0, most_drawn
     begin = np.eye(4)[:3] if start is None else start.as_matrix()[:3]
     if start is not None:
-        best, ambiguous = sampling.resolve(_anneal(problem, begin), inliers_of)
+        best = sampling.resolve(anneal(problem, begin), inliers_of)
         inliers = inliers_of(best)
         most, needed = problem.count(inliers), draws(inliers)
     while drawn < needed:
@@ -60,7 +59,7 @@ def consensus(
         support = sampling.support(hypotheses, bounds, problem.rule.unit == "vector")
         if support.max() > most:
             most = int(support.max())
-            best, ambiguous = sampling.resolve(hypotheses[support.argmax()], inliers_of)
+            best = sampling.resolve(hypotheses[support.argmax()], inliers_of)
             # local optimisation: a minimal sample carries its own noise
             view = problem.at(best)
             better, _ = maximise(problem, view.errors, view.inliers, LOCAL_STEPS)
@@ -68,7 +67,7 @@ def consensus(
             if (count := problem.count(chosen)) >= most:
                 best, most, inliers = better, count, chosen
             needed = draws(inliers)
-    return Found(best, ambiguous, drawn)
+    return Found(best, drawn)
 
 
 def draw_samples(weights: Array, count: int, size: int, rng: np.random.Generator) -> NDArray[np.intp]:
@@ -81,7 +80,7 @@ def draw_samples(weights: Array, count: int, size: int, rng: np.random.Generator
     return distinct if len(distinct) else rng.permutation(len(weights))[None, :size]
 
 
-def _anneal(problem: Problem, T: Array) -> Array:
+def anneal(problem: Problem, T: Array) -> Array:
     """Follow the likelihood from a guess, its errors first taken to be several times as wide."""
     T = problem.residual.retract(T, np.zeros(6))
     for widened in ANNEALING:

@@ -14,6 +14,11 @@ from flowlik.support.arrays import Array
 # two cubic B-splines on a grid of this spacing, in units of the scale, overlap like a Gaussian of it
 SPACING = float(np.sqrt(1.5))
 LEAST_CURVATURE = 0.05
+# bias [px] that vectors of the same fraction of a pixel share: images are interpolated alike
+# (Schreier, Braasch and Sutton 2000)
+SUBPIXEL_BIAS_PX = 0.01
+# flows within a cell of this size [px] have the same fraction
+SUBPIXEL_CELL_PX = 0.5
 
 
 def sandwich(information: Array, variability: Array, basis: Array) -> Array:
@@ -106,6 +111,32 @@ def score_covariance(
         for scale, weight in zip(correlation.scales_px, weights[1:-1]):
             if weight > 0:
                 B += weight * smoothed_products(m.pixels, scores, SPACING * scale)
+    return B
+
+
+def subpixel_variability(flow: Array, directions: Array, J: Array, information: Array) -> Array:
+    """Covariance (6, 6) of the total score from the bias that vectors of the same flow share.
+
+    It averages out where flow varies over the image. Where all of it is alike, as of a distant camera's pan
+    or a plane that slides by, it is an error of the whole image.
+
+    Parameters
+    ----------
+    flow : array (N, 2)
+        Flow vectors [px].
+    directions, J : array (C, 2), (C, 6)
+        As of `score_covariance`.
+    information : array (C,)
+        By how much a component's score changes with its error [1/px^2].
+    """
+    keys = np.floor(flow / SUBPIXEL_CELL_PX) @ [1 << 20, 1]
+    _, cell = np.unique(keys, return_inverse=True)
+    cell = np.repeat(cell, len(directions) // len(flow))
+    B = np.zeros((6, 6))
+    for axis in directions.T:
+        pull = (information * axis)[:, None] * J
+        whole = np.stack([np.bincount(cell, column) for column in pull.T], axis=1)
+        B += SUBPIXEL_BIAS_PX**2 * whole.T @ whole
     return B
 
 

@@ -27,8 +27,6 @@ from flowlik.support.arrays import Array
 
 # nodes of the direction of an epipolar normal, over which bounds are tabulated
 ANGLES = 17
-# a second motion with so large a share of the first one's votes makes it ambiguous
-AMBIGUOUS_SHARE = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,17 +139,16 @@ class FivePoint:
         inputs = (hypotheses, *self.residual._rays, self.residual._focal, bounds)
         return count_support(_kernels.support_epipolar, inputs, len(hypotheses))
 
-    def resolve(self, hypothesis: Array, inliers_of: InliersOf) -> tuple[Array, bool]:
+    def resolve(self, hypothesis: Array, inliers_of: InliersOf) -> Array:
         """Of the four motions of an essential matrix, that with most inliers in front of both cameras.
 
-        It is ambiguous where the second has nearly as many. A motion (3, 4) stands for its own matrix.
+        A motion (3, 4) stands for its own matrix.
         """
         E = hypothesis if hypothesis.shape == (3, 3) else skew(hypothesis[:, 3]) @ hypothesis[:, :3]
         candidates = decompose_essential(E)
         m = self.residual.measurements.select(inliers_of(candidates[0].as_matrix()[:3]))
-        votes = np.array([in_front(c, self.residual.camera, m.pixels, m.flow).sum() for c in candidates])
-        second, first = np.sort(votes)[-2:]
-        return candidates[int(votes.argmax())].as_matrix()[:3], bool(second >= AMBIGUOUS_SHARE * first)
+        votes = [in_front(c, self.residual.camera, m.pixels, m.flow).sum() for c in candidates]
+        return candidates[int(np.argmax(votes))].as_matrix()[:3]
 
 
 def observable(T: Array) -> Array:

@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
+from flowlik.egomotion.at_infinity import at_infinity
 from flowlik.egomotion.consensus import consensus
 from flowlik.egomotion.inlier_rules import ByComponent, InlierRule
 from flowlik.egomotion.maximise import maximise, refine, transform
 from flowlik.egomotion.moments import Moments, score_moments
-from flowlik.egomotion.observability import judged, too_little
+from flowlik.egomotion.observability import INFORMATIVE_PX, Verdict, judged, too_little
+from flowlik.egomotion.plane import better_of_two
 from flowlik.egomotion.posterior import GaussianPrior
-from flowlik.egomotion.problem import Problem, View
+from flowlik.egomotion.problem import Explanation, Problem
 from flowlik.egomotion.residual import Residual
 from flowlik.egomotion.result import EgoMotion, Status, unsolved
 from flowlik.errors import DataError
 from flowlik.likelihood.likelihood import FlowLikelihood
-
-# an inlier whose bound is at most this wide says something of the motion
-INFORMATIVE_PX = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,18 +103,20 @@ class Estimator:
             return unsolved(Status.DEGENERATE, "no minimal sample has a solution", problem.excluded)
         # refine
         errors, log_prob = refine(problem, found.T)
+        # of a plane's two motions take the better
+        best, twin = better_of_two(problem, Explanation(problem.look(errors), log_prob))
         # say how well the errors determine it
-        view = problem.look(errors)
-        moments = score_moments(problem, view)
+        moments = score_moments(problem, best.view)
         # add what was believed before
         if prior is not None:
             belief = moments.tempered(prior)
-            entering = view.used if self.refine_all else view.inliers
-            T, log_prob = maximise(problem, view.errors, entering, prior=belief)
-            view, moments = problem.at(T, view.used), moments.with_prior(belief)
+            entering = best.view.used if self.refine_all else best.view.inliers
+            T, log_prob = maximise(problem, best.view.errors, entering, prior=belief)
+            best = Explanation(problem.at(T, best.view.used), log_prob)
+            moments = moments.with_prior(belief)
         # judge
-        status, reason = judged(problem, view, moments.information, found.ambiguous)
-        return self._result(problem, view, moments, status, reason, log_prob, found.drawn)
+        verdict = judged(problem, best.view, moments, twin)
+        return self._result(problem, best, moments, verdict, found.drawn)
 
     def problem(self, residual: Residual) -> Problem:
         """Return the residual as this estimator looks at it.
@@ -140,25 +141,39 @@ class Estimator:
         return self.problem(residual).at(T).inliers.reshape(len(residual.measurements), -1)
 
     def _result(
-        self, problem: Problem, view: View, moments: Moments, status: Status, reason: str,
-        log_prob: float, drawn: int,
-    ) -> EgoMotion:  # fmt: skip
-        basis, x = view.errors.basis, view.errors.x
+        self, problem: Problem, found: Explanation, moments: Moments, verdict: Verdict, drawn: int
+    ) -> EgoMotion:
+        """Result of a motion, of the rotation alone if that is all there is, and beside an alternative."""
+        if verdict.rotation is not None:
+            far, rotation = at_infinity(problem), verdict.rotation
+            told = Verdict(verdict.status, verdict.reason)
+            turned = self._result(far, rotation, score_moments(far, rotation.view), told, drawn)
+            open_translation = np.where(np.arange(6) < 3, 0.0, np.nan)
+            unknown = np.add.outer(open_translation, open_translation)
+            return replace(turned, covariance=turned.covariance + unknown, scale_known=False)
+        alternative = None
+        if (other := verdict.alternative) is not None:
+            told = Verdict(verdict.status, verdict.reason)
+            alternative = self._result(problem, other, score_moments(problem, other.view), told, drawn)
+        if verdict.between is not None:
+            found, moments = verdict.between, score_moments(problem, verdict.between.view)
+        view, moments = found.view, moments.facing(verdict.in_front)
         T = problem.residual.retract(view.errors.T, np.zeros(6))
         return EgoMotion(
             T_k_prev=transform(T),
             information=moments.information,
-            covariance=moments.covariance(basis),
-            status=status,
-            reason=reason,
+            covariance=moments.covariance(view.errors.basis) + verdict.spread.T @ verdict.spread,
+            status=verdict.status,
+            reason=verdict.reason,
             scale_known=problem.residual.metric,
             inliers=problem.count(view.inliers),
             informative=int((view.inliers & (view.bounds <= INFORMATIVE_PX)).sum()),
             components=int(view.used.sum()),
             inlier_unit=self.rule.unit,
             excluded=problem.excluded,
-            outside=self.likelihood.schedule.outside(x[view.used]),
-            log_prob=log_prob,
+            outside=self.likelihood.schedule.outside(view.errors.x[view.used]),
+            log_prob=found.log_prob,
             hypotheses=drawn,
             sensitivity=moments.sensitivity,
+            alternative=alternative,
         )

@@ -153,6 +153,6 @@ class ThreePoint:
         inputs = (hypotheses, *self.residual._points, self.residual._camera, bounds.reshape(-1, 2), by_vector)
         return count_support(_kernels.support_depth, inputs, len(hypotheses))
 
-    def resolve(self, hypothesis: Array, inliers_of: InliersOf) -> tuple[Array, bool]:
+    def resolve(self, hypothesis: Array, inliers_of: InliersOf) -> Array:
         """Return the hypothesis: it is a motion, and with known depth no other has the same errors."""
-        return hypothesis, False
+        return hypothesis

@@ -6,11 +6,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flowlik.egomotion.covariance import observed_sensitivity, sandwich, score_covariance, temperature
-from flowlik.egomotion.observability import determines
+from flowlik.egomotion.covariance import (
+    observed_sensitivity,
+    sandwich,
+    score_covariance,
+    subpixel_variability,
+    temperature,
+)
 from flowlik.egomotion.posterior import GaussianPrior, Tempered
 from flowlik.egomotion.problem import Problem, View
 from flowlik.support.arrays import Array
+
+# an information's smallest and largest eigenvalue, scaled, whose ratio is above this
+LEAST_RECIPROCAL_CONDITION = 1e-9
 
 
 class Moments(NamedTuple):
@@ -36,6 +44,14 @@ class Moments(NamedTuple):
             return np.full((6, 6), np.nan)
         return sandwich(self.sensitivity, self.variability, basis)
 
+    def facing(self, in_front: float) -> Moments:
+        """Moments of a motion without scale, when only a share of the parallax is of points in front.
+
+        The rest is errors along the lines, which look like parallax and tell no direction.
+        """
+        known = np.repeat([1.0, in_front], 3)
+        return Moments(*(matrix * np.outer(known, known) for matrix in self))
+
     def tempered(self, prior: GaussianPrior) -> Tempered:
         """A prior, with the power of the likelihood that is worth what it knows."""
         return Tempered(prior, temperature(self.sensitivity, self.variability))
@@ -44,6 +60,16 @@ class Moments(NamedTuple):
         """Moments of the posterior's score."""
         A, B = belief.posterior(self.information, self.variability)
         return Moments(A, B, belief.posterior(self.sensitivity, self.variability)[0])
+
+
+def determines(information: Array, basis: Array) -> bool:
+    """Whether an information (6, 6) determines every observable direction (6, D)."""
+    A = basis.T @ information @ basis
+    scale = np.sqrt(np.diag(A))
+    if not (scale > 0).all():
+        return False
+    eigenvalues = np.linalg.eigvalsh(A / np.outer(scale, scale))
+    return bool(eigenvalues[0] > LEAST_RECIPROCAL_CONDITION * eigenvalues[-1])
 
 
 def score_moments(problem: Problem, view: View) -> Moments:
@@ -55,7 +81,9 @@ def score_moments(problem: Problem, view: View) -> Moments:
     correlation = problem.likelihood.shared_errors.correlation
     if correlation is None:
         return Moments(A, J.T @ (variance[:, None] * J), A)
-    B = score_covariance(problem.residual.measurements, directions, J, variance, correlation)
+    m = problem.residual.measurements
+    B = score_covariance(m, directions, J, variance, correlation)
+    B += subpixel_variability(m.flow, directions, J, weight * fisher)
     return Moments(A, B, _sensitivity(problem, view, A, B) if determines(A, view.errors.basis) else A)
 
 

@@ -2,30 +2,72 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 
+from flowlik.egomotion.at_infinity import at_infinity, nearest_rotation, roughly
+from flowlik.egomotion.covariance import temperature
 from flowlik.egomotion.epipolar import Epipolar
-from flowlik.egomotion.known_depth import KnownDepth
-from flowlik.egomotion.problem import Problem, View
+from flowlik.egomotion.moments import Moments, determines
+from flowlik.egomotion.parallax import share_in_front
+from flowlik.egomotion.plane import Twin
+from flowlik.egomotion.problem import Explanation, Problem, View
 from flowlik.egomotion.result import Status
 from flowlik.support.arrays import Array
 
-# an information's smallest and largest eigenvalue, scaled, whose ratio is above this
-LEAST_RECIPROCAL_CONDITION = 1e-9
 # without depth: flow shorter than this [px] in half of the vectors is none
 STILL_PX = 0.1
-# share of the inliers' share that a rotation alone may explain
-NO_PARALLAX_SHARE = 0.95
+# flow shorter than this [px] in every vector is that of one image shown twice
+FROZEN_PX = 1e-4
+# an inlier known to this width [px] is counted as informative
+INFORMATIVE_PX = 1.0
+# inliers known to this width [px] are witnesses of a motion: so many for each of its freedoms, and this share
+# of all components; where images have nothing in common there are hardly any
+KNOWN_PX = 2.0
+LEAST_KNOWN, LEAST_KNOWN_SHARE = 2, 0.1
+# a rotation that explains so large a share of what the motion explains leaves no parallax
+ROTATION_SHARE = 0.75
+ROUGH_SHARE = 0.4
+# unless so large a share of what is left is that of points in front of the camera: as large as errors allow
+IN_FRONT_SHARE = 0.9
+# two motions of which one is worse by fewer standard deviations cannot be told apart
+TOLD_APART = 3.0
+# two motions with no deeper valley between them, in the same unit, are one
+VALLEY = 2.5
+# where less of it is, nothing tells on which side the points are
+LEAST_IN_FRONT_SHARE = 0.25
 
 
-def determines(information: Array, basis: Array) -> bool:
-    """Whether an information (6, 6) determines every observable direction (6, D)."""
-    A = basis.T @ information @ basis
-    scale = np.sqrt(np.diag(A))
-    if not (scale > 0).all():
-        return False
-    eigenvalues = np.linalg.eigvalsh(A / np.outer(scale, scale))
-    return bool(eigenvalues[0] > LEAST_RECIPROCAL_CONDITION * eigenvalues[-1])
+@dataclass(frozen=True)
+class Verdict:
+    """What a motion that was found is worth.
+
+    Attributes
+    ----------
+    status : Status
+        SOLVED, or why not.
+    reason : str
+        One line for a status other than SOLVED.
+    rotation : Explanation or None
+        Points at infinity, where a rotation alone explains the flow.
+    alternative : Explanation or None
+        Another motion that explains it as well.
+    between : Explanation or None
+        The motion halfway between two that are one.
+    spread : array (2, 6)
+        Left tangents from there to either and all round.
+    in_front : float
+        Share of the parallax that is of points in front of the camera, of the largest that errors allow.
+    """
+
+    status: Status = Status.SOLVED
+    reason: str = ""
+    rotation: Explanation | None = None
+    alternative: Explanation | None = None
+    between: Explanation | None = None
+    spread: Array = field(default_factory=lambda: np.zeros((2, 6)))
+    in_front: float = 1.0
 
 
 def too_little(problem: Problem) -> tuple[Status, str] | None:
@@ -33,31 +75,68 @@ def too_little(problem: Problem) -> tuple[Status, str] | None:
     n, needed = int(problem.kept.any(axis=1).sum()), problem.residual.sampling.minimal
     if n < needed:
         return Status.TOO_FEW, f"{n} flow vectors, {needed} needed"
+    length = np.linalg.norm(problem.residual.measurements.flow, axis=1)
+    if length.max() < FROZEN_PX:
+        return Status.DEGENERATE, "the two images are the same: frozen, repeated, or still and without noise"
     # with known depth a standstill is a motion like any other
-    flow = problem.residual.measurements.flow
-    if not problem.residual.metric and np.median(np.linalg.norm(flow, axis=1)) < STILL_PX:
+    if not problem.residual.metric and np.median(length) < STILL_PX:
         return Status.STILL, "the flow is zero"
     return None
 
 
-def judged(problem: Problem, view: View, information: Array, ambiguous: bool) -> tuple[Status, str]:
-    """Status of a motion that was found, and why it is not solved."""
-    if rotation_share(problem, view.errors.T) > NO_PARALLAX_SHARE * view.inliers.sum() / view.used.sum():
-        return Status.DEGENERATE, "a rotation alone explains the flow: no parallax, no direction"
-    if not determines(information, view.errors.basis):
-        return Status.DEGENERATE, "the measurements do not determine every direction of the motion"
-    if ambiguous:
-        return Status.AMBIGUOUS, "two motions have nearly as many points in front of the camera"
-    return Status.SOLVED, ""
+def judged(problem: Problem, view: View, moments: Moments, twin: Twin | None) -> Verdict:
+    """Say what a motion that was found is worth, beside the other of a plane if there is one.
 
-
-def rotation_share(problem: Problem, T: Array) -> float:
-    """Share of eigen-components that points at infinity would explain: near 1 there is no parallax.
-
-    0 with known depth, where a rotation is a motion like any other.
+    A frame that tells nothing has inliers too, those of wide bounds: near any motion at all they are no
+    witness of one. A minimal sample explains itself: so many narrow inliers are needed besides.
     """
+    if not determines(moments.information, view.errors.basis):
+        reason = "the measurements do not determine every direction of the motion"
+        return Verdict(Status.DEGENERATE, reason)
+    witnesses = int((view.inliers & (view.bounds <= KNOWN_PX)).sum())
+    components = int(problem.components.sum())
+    if witnesses < max(LEAST_KNOWN * view.errors.basis.shape[1], LEAST_KNOWN_SHARE * components):
+        reason = f"{witnesses} of {components} components agree and are known to {KNOWN_PX:g} px: hardly any"
+        return Verdict(Status.DEGENERATE, reason)
     if not isinstance(problem.residual, Epipolar):
-        return 0.0
-    m = problem.residual.measurements
-    errors = KnownDepth(m, problem.residual.camera, np.zeros(len(m))).at(T, problem.index)
-    return float(np.mean(np.abs(errors.z) <= problem.bound(errors.x)))
+        return Verdict()
+    if (rotation := _rotation_alone(problem, view)) is not None:
+        reason = "a rotation alone explains the flow: no parallax, no direction"
+        return Verdict(Status.DEGENERATE, reason, rotation)
+    in_front = min(share_in_front(problem, view.errors.T, view.inliers) / IN_FRONT_SHARE, 1.0)
+    if in_front < LEAST_IN_FRONT_SHARE:
+        reason = "as many points would be behind the camera as in front of it"
+        return Verdict(Status.AMBIGUOUS, reason, in_front=in_front)
+    # what correlated errors are worth
+    worth = np.sqrt(temperature(moments.sensitivity, moments.variability))
+    one_mode = twin is not None and twin.valley < VALLEY
+    if twin is None or worth * twin.worse > TOLD_APART or (one_mode and twin.worse > TOLD_APART):
+        return Verdict(in_front=in_front)
+    if one_mode:
+        return Verdict(between=twin.halfway, spread=twin.spread, in_front=in_front)
+    reason = "a plane: two motions explain the flow, and the covariance is of one of them"
+    return Verdict(Status.AMBIGUOUS, reason, alternative=twin.other, in_front=in_front)
+
+
+def _rotation_alone(problem: Problem, view: View) -> Explanation | None:
+    """Points at infinity, if they explain as much as the motion does; None if there is parallax.
+
+    It is looked for among what is known well, and the rotation is fitted anew: that of the motion makes room
+    for its translation.
+    """
+    far, of_motion = at_infinity(problem), view.inliers[view.used].mean()
+    # a rough look spares most frames the fit
+    if _share_known(problem, roughly(far, view.errors.T)) < ROUGH_SHARE * of_motion:
+        return None
+    found = nearest_rotation(far, view.errors.T)
+    if _share_known(problem, found.view) < ROTATION_SHARE * of_motion:
+        return None
+    # many distant points and some near ones: what the rotation leaves over is all in front
+    T = np.column_stack([found.view.errors.T[:, :3], view.errors.T[:, 3]])
+    return None if share_in_front(problem, T, view.inliers) > IN_FRONT_SHARE else found
+
+
+def _share_known(problem: Problem, view: View) -> float:
+    """Share of inliers among the components known well; 0 without any."""
+    known = view.used & (view.bounds <= problem.widest_px)
+    return float(view.inliers[known].mean()) if known.any() else 0.0

@@ -28,6 +28,13 @@ class View(NamedTuple):
     inliers: NDArray[np.bool_]
 
 
+class Explanation(NamedTuple):
+    """A refined motion: the view there, and its log-density [nat]."""
+
+    view: View
+    log_prob: float
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """A residual, the likelihood of its errors, and the rule that tells its inliers.

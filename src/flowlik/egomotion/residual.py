@@ -183,11 +183,8 @@ class Sampling(Protocol):
         """Inliers (M,) of each hypothesis, components or vectors; a bound of -1 leaves a component out."""
         ...
 
-    def resolve(self, hypothesis: Array, inliers_of: InliersOf) -> tuple[Array, bool]:
-        """Of a hypothesis' motions the likeliest, and whether another is nearly as likely.
-
-        Of a motion (3, 4), those with the same errors stand for choice.
-        """
+    def resolve(self, hypothesis: Array, inliers_of: InliersOf) -> Array:
+        """Of a hypothesis' motions the likeliest; of a motion (3, 4), those with the same errors."""
         ...
 
 

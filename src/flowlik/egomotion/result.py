@@ -38,7 +38,8 @@ class EgoMotion:
         Covariance of the error along the same tangent. Where the likelihood knows the correlation of
         scores it is the sandwich A^-1 B A^-1 (docs/theory-covariance.md), else the inverse of
         `information`, which is too small. Along the translation it is that of the length told, and zero where
-        that is exact or there is none; NaN where a direction or a length is not determined.
+        that is exact or there is none; NaN where a direction or a length is not determined: where a rotation
+        alone explains the flow, of the translation. Of an AMBIGUOUS motion it does not cover the alternative.
     status : Status
         SOLVED, or why not.
     reason : str
@@ -69,6 +70,8 @@ class EgoMotion:
         A of the sandwich, how fast the total score falls along the same tangent: as this frame shows it where
         the likelihood knows the correlation of scores, else `information`. None where nothing was
         estimated, or the length was told afterwards.
+    alternative : EgoMotion or None
+        Of an AMBIGUOUS motion the other one, where it is known: a plane's second motion.
     """
 
     T_k_prev: RigidTransform
@@ -88,11 +91,18 @@ class EgoMotion:
     log_prob: float = 0.0
     hypotheses: int = 0
     sensitivity: Array | None = None
+    alternative: EgoMotion | None = None
 
     @property
     def solved(self) -> bool:
         """Whether the motion was determined by the images; a standstill is."""
         return self.status in (Status.SOLVED, Status.STILL)
+
+    @property
+    def rotation_alone(self) -> bool:
+        """Whether the images told the rotation and nothing of the translation."""
+        told = np.isfinite(np.diag(self.covariance))
+        return bool(told[:3].all() and not told[3:].any())
 
 
 def unsolved(status: Status, reason: str, excluded: dict[str, int] | None = None) -> EgoMotion:

@@ -41,6 +41,24 @@ class ConstantVelocity:
             changes = (*changes, (T_k_prev * self.last.inv()).as_exp_coords())[-REMEMBERED:]
         return ConstantVelocity(T_k_prev, covariance, changes)
 
+    def turned(self, T_k_prev: RigidTransform, covariance: Array) -> ConstantVelocity:
+        """Return the model after a frame that told its rotation alone: of translations it learns nothing."""
+        return replace(self, last=T_k_prev, covariance=covariance, missed=0)
+
+    def nearer(self, first: RigidTransform, second: RigidTransform) -> RigidTransform:
+        """Of two motions without scale the one nearer to the last, by rotation and direction together."""
+        if self.last is None:
+            return first
+        last = self.last
+
+        def away(T: RigidTransform) -> float:
+            direction = [m.translation / max(np.linalg.norm(m.translation), 1e-300) for m in (T, last)]
+            return float(
+                (T.rotation * last.rotation.inv()).magnitude() + np.linalg.norm(np.subtract(*direction))
+            )
+
+        return min(first, second, key=away)
+
     def skip(self) -> ConstantVelocity:
         """Return the model after a frame that was not."""
         return replace(self, missed=self.missed + 1)

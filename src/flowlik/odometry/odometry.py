@@ -104,7 +104,9 @@ class Odometry:
 
         Where a motion cannot be solved its status says why; what is returned is then a prediction, said so:
         the previous motion, without information, with the covariance of a motion model
-        (`flowlik.odometry._constant_velocity`). The trajectory goes on from there.
+        (`flowlik.odometry._constant_velocity`). The trajectory goes on from there. Where a rotation alone
+        explains the flow, the rotation is the images' and the translation the model's, as uncertain as it is
+        long. Of two motions that a plane leaves open it is the one nearer to the motion before.
 
         Parameters
         ----------
@@ -189,20 +191,11 @@ class Odometry:
         if not self.poses:
             self.poses.append(RigidTransform.identity())
         k = len(self.poses)
-        motion = self._measured(m, k, depth)
-        if not motion.solved:
-            T, covariance = self._model.predict()
-            motion = replace(
-                motion,
-                T_k_prev=T,
-                information=np.zeros((6, 6)),
-                covariance=covariance,
-                sensitivity=None,
-                predicted=True,
-            )
-        motion = self._with_length(motion, k, distance_m)
+        motion = self._with_length(self._completed(self._measured(m, k, depth)), k, distance_m)
         if motion.predicted:
             self._model = self._model.skip()
+        elif motion.status is Status.DEGENERATE:
+            self._model = self._model.turned(motion.T_k_prev, motion.covariance)
         else:
             self._model = self._model.update(motion.T_k_prev, motion.covariance)
         if self.boresight is not None:
@@ -212,6 +205,32 @@ class Odometry:
             motion = replace(motion, T_k_prev=turned)
         self.poses.append(self.poses[-1] * motion.T_k_prev.inv())
         return motion
+
+    def _completed(self, motion: EgoMotion) -> EgoMotion:
+        """Add what the motions before say where the images do not tell all."""
+        if motion.solved:
+            return motion
+        if motion.alternative is not None:
+            other = motion.alternative
+            if self._model.nearer(motion.T_k_prev, other.T_k_prev) is motion.T_k_prev:
+                return motion
+            return replace(other, alternative=replace(motion, alternative=None))
+        T, covariance = self._model.predict()
+        if not motion.rotation_alone:
+            return replace(
+                motion,
+                T_k_prev=T,
+                information=np.zeros((6, 6)),
+                covariance=covariance,
+                sensitivity=None,
+                predicted=True,
+            )
+        # the translation may be anything of the length of those before; without a scale they are of length 1
+        length = float(np.linalg.norm(T.translation)) or (1.0 if self.scale.name == "none" else np.nan)
+        whole = np.zeros((6, 6))
+        whole[:3, :3], whole[3:, 3:] = motion.covariance[:3, :3], length**2 * np.eye(3)
+        T = RigidTransform.from_components(T.translation, motion.T_k_prev.rotation)
+        return replace(motion, T_k_prev=T, covariance=whole, sensitivity=None)
 
     def _take_time(self, timestamp: float) -> None:
         last = self.timestamps[-1] if self.timestamps else -np.inf
@@ -249,20 +268,32 @@ class Odometry:
             return motion
         if distance_m is None and self.scale.name == "none":
             return motion
-        told = Length(distance_m) if distance_m is not None else self._told(motion, k)
-        if motion.solved:
-            motion, self._lengths = with_length(motion, told, self._lengths, self.scale.name)
-        elif told is None:
+        estimated = motion.solved or motion.alternative is not None
+        told = Length(distance_m) if distance_m is not None else self._told(motion, estimated, k)
+        if estimated:
+            return self._lengthened(motion, told)
+        if told is None:
             self._lengths = self._lengths.skipped()
-            motion = replace(motion, length_predicted=not motion.scale_known)
-        else:
-            self._lengths = self._lengths.updated(told.metres, told.sigma_m)
-            motion = replace(motion, T_k_prev=scaled(motion.T_k_prev, told.metres), scale_known=True)
-        return motion
+            return replace(motion, length_predicted=not motion.scale_known)
+        self._lengths = self._lengths.updated(told.metres, told.sigma_m)
+        covariance = motion.covariance
+        if not motion.predicted:  # the rotation is the images', the direction anything
+            covariance = covariance.copy()
+            covariance[3:, 3:] = told.metres**2 * np.eye(3)
+        T = scaled(motion.T_k_prev, told.metres)
+        return replace(motion, T_k_prev=T, covariance=covariance, scale_known=True)
 
-    def _told(self, motion: EgoMotion, k: int) -> Length | None:
-        """What the scale source tells of a motion; of one that was not solved only where it needs none."""
-        if self.last is None or not (motion.solved or isinstance(self.scale, Norm)):
+    def _lengthened(self, motion: EgoMotion, told: Length | None) -> EgoMotion:
+        """Give a motion that was estimated, and its alternative, a length."""
+        before = self._lengths
+        motion, self._lengths = with_length(motion, told, before, self.scale.name)
+        if motion.alternative is None:
+            return motion
+        return replace(motion, alternative=with_length(motion.alternative, told, before, self.scale.name)[0])
+
+    def _told(self, motion: EgoMotion, estimated: bool, k: int) -> Length | None:
+        """What the scale source tells of a motion; of one that was not estimated only where it needs none."""
+        if self.last is None or not (estimated or isinstance(self.scale, Norm)):
             return None
         m, camera = self.last.measurements, self.last.camera
         return self.scale.length(k, m, camera, motion.T_k_prev, self.estimator.likelihood)

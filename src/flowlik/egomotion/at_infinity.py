@@ -1,0 +1,58 @@
+"""Flow of points at infinity: a rotation alone, which needs no depth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from flowlik.egomotion.consensus import anneal
+from flowlik.egomotion.epipolar import Epipolar
+from flowlik.egomotion.known_depth import KnownDepth
+from flowlik.egomotion.maximise import maximise, refine
+from flowlik.egomotion.problem import Explanation, Problem, View
+from flowlik.egomotion.residual import Chosen, Equations, Linearised
+from flowlik.likelihood.schedule import Index
+from flowlik.support.arrays import Array
+
+ROTATION = np.eye(6)[:, :3]
+ROTATION.setflags(write=False)
+# how many times as wide errors are taken to be for a rough rotation, and its steps
+ROUGH, ROUGH_STEPS = 8.0, 3
+
+
+class AtInfinity(KnownDepth):
+    """Flow of points at infinity, two eigen-components a vector: it observes the rotation alone."""
+
+    def at(self, T: Array, index: Index) -> Linearised:
+        """Errors z (2N,) [px] of eigen-components at a rotation."""
+        return super().at(T, index)._replace(basis=ROTATION)
+
+    def equations(self, T: Array, chosen: Chosen, widened: float = 1.0) -> Equations:
+        """Normal equations of the chosen components."""
+        return super().equations(T, chosen, widened)._replace(basis=ROTATION)
+
+
+def at_infinity(problem: Problem) -> Problem:
+    """Return the problem without depth as if its points were all at infinity."""
+    residual = problem.residual
+    assert isinstance(residual, Epipolar)
+    m = residual.measurements
+    return replace(problem, residual=AtInfinity(m, residual.camera, np.zeros(len(m)), residual.excluded))
+
+
+def roughly(problem: Problem, T: Array) -> View:
+    """Look at the rotation near that of a motion (3, 4), errors taken to be several times as wide: cheap."""
+    view = problem.at(np.column_stack([T[:, :3], np.zeros(3)]), problem.components, ROUGH)
+    return problem.at(maximise(problem, view.errors, view.inliers, ROUGH_STEPS, ROUGH)[0])
+
+
+def nearest_rotation(problem: Problem, T: Array) -> Explanation:
+    """Follow the likelihood from the rotation of a motion (3, 4), errors first taken to be wide.
+
+    `problem` is one at infinity. A translation and a rotation share much of a flow: the rotation of the two
+    together is not the one that explains the flow alone.
+    """
+    start = np.column_stack([T[:, :3], np.zeros(3)])
+    errors, log_prob = refine(problem, anneal(problem, start))
+    return Explanation(problem.look(errors), log_prob)
