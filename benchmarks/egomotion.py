@@ -13,6 +13,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from chain_speed import chain_over_flow, latency
 from egomotion_consistency import consistency_part
 from egomotion_flights import FRAMES, WORLD_SEEDS
 from egomotion_hover import hover
@@ -53,6 +54,8 @@ def main() -> None:
         run.records += list(estimation(options.cache, 4 if quick else 10, 5 if quick else 20))
         run.records += list(chains(options.cache, 2 if quick else 6))
         run.records += list(loop(options.cache, 2 if quick else 5))
+        run.records += list(chain_over_flow(options.cache, 3 if quick else 10))
+        run.records += list(latency(options.cache, 60 if quick else 600))
     if "consistency" in options.only:
         poses = None if options.data is None else options.data / "kitti_poses"
         run.records += consistency_part(methods, options.cache, poses, quick, terminal_progress)

@@ -14,7 +14,14 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from calibration_plan import REPORT
-from egomotion_variants import RADIUS_PX, label, residuals_of_flight, translation_error, variants
+from egomotion_variants import (
+    RADIUS_PX,
+    label,
+    residuals_of_flight,
+    texture_model,
+    translation_error,
+    variants,
+)
 from flights import Runs, rendered
 from flowlik.comparison.baselines import Pnp
 from flowlik.egomotion import Estimator, KnownDepth, lcmsac, mle, ransac
@@ -47,7 +54,7 @@ def estimation(cache: Path, pairs: int, repeats: int) -> Iterator[Record]:
     rng = np.random.default_rng(0)
     found = residuals_of_flight(FLIGHT, "lucas-kanade", cache)[:pairs]
     rivals = variants("lucas-kanade", cache).rivals
-    texture, index = load_likelihood("lucas-kanade-lcm"), load_likelihood("lucas-kanade")
+    texture, index = texture_model("lucas-kanade"), load_likelihood("lucas-kanade")
     ours = [ransac(RADIUS_PX), lcmsac(texture), mle(texture)]
     ours += [replace(lcmsac(index), name="lcmsac-index"), replace(mle(index), name="mle-index")]
     ours = [replace(e, most_hypotheses=CAP) for e in ours]
@@ -174,7 +181,8 @@ def chains(cache: Path, repeats: int) -> Iterator[Record]:
 
 
 def _chain(runs: Runs, firsts: list[int], method: str, model: str, repeats: int) -> Iterator[Record]:
-    likelihood, flow = load_likelihood(model), flow_method(method)
+    likelihood = load_likelihood(model)
+    flow = flow_method(likelihood.method or {})
     estimator = lcmsac(likelihood)
     images = {k: runs.image(k) for first in firsts for k in (first, first + 1)}
     depths = {k: runs.depth(k) for k in firsts}

@@ -17,6 +17,7 @@ from flowlik.datasets.base import ImageSequence
 from flowlik.egomotion import EgoMotion, Estimator, KnownDepth, lcmsac, mle, ransac
 from flowlik.flow import describe, flow_method, method_label
 from flowlik.geometry.motion import relative_motion
+from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.model_file import load_likelihood
 from flowlik.measurement.features import measure_features
 from flowlik.support.files import read_json, write_json
@@ -72,7 +73,7 @@ class Variants:
 
 def variants(method: str, cache: Path) -> Variants:
     """Our estimators with the models that ship, and the rivals as the sweep left them."""
-    index, texture = load_likelihood(method), load_likelihood(f"{method}-lcm")
+    index, texture = load_likelihood(method), texture_model(method)
     swept = settled(method, cache)
     gate = swept["gate"]
     ours = (
@@ -86,6 +87,11 @@ def variants(method: str, cache: Path) -> Variants:
     return Variants(method, ours, {name: Pnp(**swept[name]) for name in ("opencv", "poselib")})
 
 
+def texture_model(method: str) -> FlowLikelihood:
+    """The paper's model of a method, on the same vectors as the index: the paper's solver finds the same."""
+    return replace(load_likelihood(f"{method}-lcm"), method=describe(flow_method(method)))
+
+
 def settled(method: str, cache: Path) -> dict:
     """Gates of both models and the best of either library: least median error on calibration flights."""
     path = cache / f"rivals-{method}.json"
@@ -95,8 +101,8 @@ def settled(method: str, cache: Path) -> dict:
         pairs = [pair for flight in SWEPT for pair in residuals_of_flight(flight, method, cache)]
         chosen = np.linspace(0, len(pairs) - 1, SWEPT_PAIRS).astype(int)
         pairs = [pairs[i] for i in chosen]
-        known = known or {"gate": _best_gate(f"{method}-lcm", pairs), **_best_rivals(pairs)}
-        write_json(path, known | {"index_gate": _best_gate(method, pairs)})
+        known = known or {"gate": _best_gate(texture_model(method), pairs), **_best_rivals(pairs)}
+        write_json(path, known | {"index_gate": _best_gate(load_likelihood(method), pairs)})
     return read_json(path)
 
 
@@ -121,9 +127,7 @@ def residuals(
         yield residual, relative_motion(sequence.T_n_c(k), sequence.T_n_c(k + 1)), seconds
 
 
-def _best_gate(model: str, pairs: Pairs) -> float | None:
-    likelihood = load_likelihood(model)
-
+def _best_gate(likelihood: FlowLikelihood, pairs: Pairs) -> float | None:
     def median(gate: float | None) -> float:
         estimator = lcmsac(likelihood, gate=gate)
         return float(np.median([translation_error(estimator.estimate(r, 0).T_k_prev, T) for r, T in pairs]))

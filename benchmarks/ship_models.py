@@ -1,4 +1,4 @@
-"""Calibrate the models that ship with flowlik and write them to `src/flowlik/models`.
+"""Calibrate the models that ship with flowlik and write them to `src/flowlik/likelihood/shipped`.
 
     python benchmarks/ship_models.py --cache CACHE --kitti-poses KITTI_POSES [--methods lucas-kanade ...]
 
@@ -36,8 +36,11 @@ from flowlik.likelihood.model_file import load_likelihood, save_likelihood
 from flowlik.likelihood.schedule import Index
 
 DENSE_PIXELS = 20_000
+PAPER = {"lucas-kanade": "lucas-kanade-opencv", "lucas-kanade-11": "lucas-kanade-11-opencv"}
+"""Methods whose texture models are of the paper's solver."""
+
 METHODS = ("lucas-kanade", "lucas-kanade-11", "farneback", "dis", "horn-schunck")
-MODELS = Path(__file__).resolve().parents[1] / "src" / "flowlik" / "models"
+MODELS = Path(__file__).resolve().parents[1] / "src" / "flowlik" / "likelihood" / "shipped"
 
 
 def measured(method: str, cache: Path, kitti_poses: Path | None) -> list[list[list[ErrorSketch]]]:
@@ -71,20 +74,22 @@ def shared(method: str, signals: tuple[str, ...], cache: Path, kitti_poses: Path
 def ship(method: str, cache: Path, kitti_poses: Path | None, out: Path) -> None:
     """Calibrate and write the two models of a method."""
     start = time.perf_counter()
-    flights = measured(method, cache, kitti_poses)
-    by_texture = [block for flight in flights for block in flight[0]]
-    flow = flow_method(method)
     provenance = {
         "data": ", ".join(flight.name for flight in CALIBRATION),
         "command": "python benchmarks/ship_models.py",
         "sensor": "default",
     }
-    index = schedule_index("index", [flight[0] for flight in flights], index_form(flow))
-    over = [block.over(index) for block in by_texture]
-    pairs = shared(method, index.signals, cache, kitti_poses)
-    for name, family, blocks in ((method, "glc", over), (f"{method}-lcm", "lcm", by_texture)):
+    for name, measures, family in (
+        (method, method, "glc"), (f"{method}-lcm", PAPER.get(method, method), "lcm"),
+    ):  # fmt: skip
+        flow, flights = flow_method(measures), measured(measures, cache, kitti_poses)
+        blocks = [block for flight in flights for block in flight[0]]
+        index = Index()
+        if family == "glc":
+            index = schedule_index("index", [flight[0] for flight in flights], index_form(flow))
+            blocks = [block.over(index) for block in blocks]
         model = fit_likelihood(blocks, error_family(family), flow, provenance=provenance)
-        model = with_shared_errors(model, pairs)
+        model = with_shared_errors(model, shared(measures, index.signals, cache, kitti_poses))
         save_likelihood(with_goodness(model, blocks), out / f"{name}.json")
         print(name, model.goodness["fit"], f"{time.perf_counter() - start:.0f} s", flush=True)
 
@@ -101,11 +106,9 @@ def main() -> None:
     options = parser.parse_args()
     for method in options.methods:
         if options.shared:
-            models = {
-                name: load_likelihood(options.out / f"{name}.json") for name in (method, f"{method}-lcm")
-            }
-            pairs = shared(method, models[method].signals, options.cache, options.kitti_poses)
-            for name, model in models.items():
+            for name, measures in ((method, method), (f"{method}-lcm", PAPER.get(method, method))):
+                model = load_likelihood(options.out / f"{name}.json")
+                pairs = shared(measures, model.signals, options.cache, options.kitti_poses)
                 found = with_shared_errors(model, pairs)
                 save_likelihood(found, options.out / f"{name}.json")
                 print(name, found.shared_errors, flush=True)

@@ -20,7 +20,8 @@ DARK = Sensor(gain=0.03)
 def test_hovering_before_little_texture_does_not_drift(make, model):
     camera = Pinhole.from_fov(240, 136, 120.0)
     sequence = simulate("planes", "hover", frames=FRAMES, seed=3, camera=camera, sensor=DARK)
-    odometry = Odometry(camera, flow_method("lucas-kanade"), make(load_likelihood(model)))
+    likelihood = load_likelihood(model)
+    odometry = Odometry(camera, flow_method(likelihood.method), make(likelihood))
     motions = [
         odometry.step(sequence.image(k), sequence.timestamp(k), sequence.depth(k)) for k in range(FRAMES)
     ]

@@ -4,7 +4,16 @@ import pytest
 from scipy import ndimage
 
 from flowlik.errors import DataError, ModelError
-from flowlik.flow import DIS, PRESETS, Farneback, LucasKanade, describe, detect_corners, flow_method
+from flowlik.flow import (
+    DIS,
+    PRESETS,
+    Farneback,
+    LucasKanade,
+    describe,
+    detect_corners,
+    flow_method,
+    method_label,
+)
 from flowlik.flow.base import _sample_dense
 from tests.helpers import textured_image
 
@@ -23,16 +32,25 @@ def test_farneback_is_opencv_with_the_papers_parameters():
     np.testing.assert_array_equal(Farneback().measure_at(PREVIOUS, CURRENT, pixels[::7]), flow[::7])
 
 
-def test_lucas_kanade_is_opencv_with_the_papers_parameters():
+def test_lucas_kanade_by_opencv_is_that_with_the_papers_parameters():
     start = PIXELS.astype(np.float32)[:, None]
     end, status, _ = cv2.calcOpticalFlowPyrLK(
         PREVIOUS, CURRENT, start, None, winSize=(21, 21), maxLevel=3, minEigThreshold=1e-7,
         criteria=(cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.01),
     )  # fmt: skip
-    flow = LucasKanade().measure_at(PREVIOUS, CURRENT, PIXELS)
+    flow = LucasKanade(solver="opencv").measure_at(PREVIOUS, CURRENT, PIXELS)
     found = status[:, 0] == 1
     np.testing.assert_array_equal(np.isfinite(flow).all(axis=1), found)
     np.testing.assert_allclose(flow[found], (end - start)[found, 0], atol=1e-4)  # OpenCV subtracts in float32
+
+
+def test_the_solver_is_not_in_a_label():
+    for solver in ("flowlik", "opencv"):
+        assert method_label(describe(LucasKanade(window=11, solver=solver))) == "lucas-kanade-11"
+
+
+def test_a_record_that_says_no_solver_is_of_opencvs():
+    assert flow_method({"name": "lucas-kanade", "window": 11}) == LucasKanade(window=11, solver="opencv")
 
 
 @pytest.mark.parametrize("method", PRESETS.values(), ids=PRESETS)

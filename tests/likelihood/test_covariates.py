@@ -7,6 +7,7 @@ from scipy.ndimage import map_coordinates
 
 from flowlik.errors import ModelError
 from flowlik.flow import Farneback, LucasKanade
+from flowlik.flow.base import samplers
 from flowlik.image.texture import TextureDefinition, derivatives
 from flowlik.likelihood.covariates import COVARIATES, covariate, of_components
 from flowlik.measurement._signals import SIGNALS, Pair, signal
@@ -74,7 +75,8 @@ def pair(flow, previous=PREVIOUS, current=CURRENT, pixels=None, flow_at=None) ->
     pixels = np.array([[20.0, 30.0], [50.0, 40.0], [80.0, 12.0]]) if pixels is None else pixels
     flow = np.broadcast_to(np.asarray(flow, float), pixels.shape).copy()
     flow_at = flow_at or (lambda p: np.zeros_like(p))
-    return Pair(previous, current, derivatives(previous), Farneback(), flow_at, pixels, flow)
+    _, back_at = samplers(Farneback(), previous, current)
+    return Pair(previous, current, derivatives(previous), flow_at, back_at, pixels, flow)
 
 
 def test_the_discrepancy_is_the_way_there_and_back(measured):

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-METHODS = ("dis", "farneback", "farneback-wide", "horn-schunck", "lucas-kanade", "lucas-kanade-11")
+METHODS = (
+    "dis",
+    "farneback",
+    "farneback-wide",
+    "horn-schunck",
+    "lucas-kanade",
+    "lucas-kanade-11",
+    "lucas-kanade-11-opencv",
+    "lucas-kanade-opencv",
+)
 FAMILIES = ("gaussian", "glc", "laplace", "lcm", "log-logistic", "student-t")
 SCHEDULES = ("constant", "flow", "index", "texture")
 ESTIMATORS = ("lcmsac", "mle", "ransac")

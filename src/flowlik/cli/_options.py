@@ -40,8 +40,8 @@ ModelUnlessRansac = Annotated[
     ),
 ]
 METHOD_HELP = (
-    "Flow: farneback, farneback-wide, lucas-kanade, lucas-kanade-11, dis, horn-schunck; "
-    "your own as package.module:object; or on disk as flow-files:LABEL=FOLDER."
+    "Flow: farneback, farneback-wide, lucas-kanade, lucas-kanade-11 (with -opencv, as the paper's), dis, "
+    "horn-schunck; your own as package.module:object; or on disk as flow-files:LABEL=FOLDER."
 )
 Method = Annotated[
     str | None,

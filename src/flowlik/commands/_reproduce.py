@@ -24,7 +24,7 @@ from flowlik.calibration.shared_errors import Pairs
 from flowlik.commands._calibrate import add_evidence, fit_families, with_goodness
 from flowlik.commands._reproduce_flights import BLOCK, add_ratios, flight_sequence, fly
 from flowlik.commands.options import BEST_FAMILY
-from flowlik.commands.plans import FAMILIES_SHOWN, METHODS, QUICK, Flight, Plan
+from flowlik.commands.plans import FAMILIES_SHOWN, METHODS, PAPER, QUICK, Flight, Plan
 from flowlik.datasets.base import ImageSequence
 from flowlik.evaluation.likelihood import table_arrays
 from flowlik.flow import PRESETS
@@ -68,7 +68,7 @@ def reproduce(
         If the folder holds something else, or cannot be written to.
     """
     run = RunFolder(out, command, asdict(plan), seed=plan.calibration[0].seed)
-    methods = [PRESETS[name] for name in METHODS]
+    methods = [PRESETS[PAPER.get(name, name)] for name in METHODS]
     camera = Pinhole.from_fov(plan.width, plan.height, plan.fov_deg)
 
     models = _calibrated(run, plan, methods, camera, progress)

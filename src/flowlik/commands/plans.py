@@ -7,6 +7,9 @@ from dataclasses import dataclass, replace
 from flowlik.evaluation.likelihood import Counting
 
 METHODS = ("farneback", "lucas-kanade")
+PAPER = {"lucas-kanade": "lucas-kanade-opencv"}
+"""Presets of the methods as the paper has them, where theirs is another."""
+
 SPEEDS_MPS = (1.5, 3.0, 6.0, 12.0)
 BYTES_A_FRAME = 1_700_000
 """Of a forest's frame on disk at 640x360: image, depth and flow."""

@@ -31,12 +31,14 @@ METHODS: dict[str, Callable[..., FlowMethod]] = {
 }
 
 # "farneback-wide": the other reading of the paper's list, window 15 and neighbourhood 5;
-# "lucas-kanade-11": half the window, less blurred at depth edges
+# "lucas-kanade-11": half the window, less blurred at depth edges; "-opencv": solved by it, as in the paper
 PRESETS: dict[str, FlowMethod] = {
     "farneback": Farneback(),
     "farneback-wide": Farneback(window=15, poly_n=5),
     "lucas-kanade": LucasKanade(),
     "lucas-kanade-11": LucasKanade(window=11),
+    "lucas-kanade-opencv": LucasKanade(solver="opencv"),
+    "lucas-kanade-11-opencv": LucasKanade(window=11, solver="opencv"),
     "dis": DIS(),
     "horn-schunck": HornSchunck(),
 }
@@ -101,8 +103,15 @@ def check_record(record: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def method_label(record: Mapping[str, Any]) -> str:
-    """Short name of a method in results and file names: a preset's, an object's, a label's."""
-    presets = (name for name, preset in PRESETS.items() if describe(preset) == record)
+    """Short name of a method in results and file names: a preset's, an object's, a label's.
+
+    Who solves Lucas and Kanade's equations is not in it: the vectors are the same.
+    """
+
+    def unsolved(record: Mapping[str, Any]) -> dict[str, Any]:
+        return {key: value for key, value in record.items() if key != "solver"}
+
+    presets = (name for name, preset in PRESETS.items() if unsolved(describe(preset)) == unsolved(record))
     own = str(record.get("object") or record.get("label") or record.get("name"))
     return next(presets, own.replace(":", "."))
 
@@ -130,6 +139,8 @@ def _recorded(record: Mapping[str, Any]) -> FlowMethod:
     name = parameters.pop("name", None)
     if name == LucasKanade.name and "centred" in parameters:  # files of before 0.1.0
         parameters["anchor"] = "middle" if parameters.pop("centred") else "energy"
+    if name == LucasKanade.name:  # files of before there was a choice
+        parameters.setdefault("solver", "opencv")
     try:
         method = {**METHODS, **CONFIRMED}[name](**parameters)
     except (KeyError, TypeError):

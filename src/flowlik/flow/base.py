@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import fields
+from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from flowlik.datasets.base import ImageSequence
 
 Image = NDArray[np.uint8]
+FlowAt = Callable[[Array], Array]
+"""Flow (N, 2) [px] of an image pair at pixels (N, 2)."""
 
 ZERO_ALLOWED = {"zero": True}
 """Metadata of a field for a parameter that may be 0; others must be above it."""
@@ -67,6 +70,18 @@ class Windowed(ABC):
 
         ``gradients`` are the image's, as `flowlik.image.texture.derivatives` gives them.
         """
+
+
+class TwoWay(ABC):
+    """Part of a sparse method whose flow there and back share work."""
+
+    @abstractmethod
+    def choose(self, previous: Image) -> Array:
+        """Pixels (N, 2) where it measures by its own choice."""
+
+    @abstractmethod
+    def both_ways(self, previous: Image, current: Image) -> tuple[FlowAt, FlowAt]:
+        """Flow (N, 2) [px] as functions of pixels (N, 2): from previous to current, and back."""
 
 
 def method_for_pair(method: FlowMethod, sequence: ImageSequence, k: int) -> FlowMethod:
@@ -131,12 +146,19 @@ def _sample_dense(flow: NDArray[np.float32], pixels: Array) -> Array:
     return _kernels.bilinear(flow, np.ascontiguousarray(pixels, dtype=np.float64))
 
 
-def sampler(method: FlowMethod, previous: Image, current: Image) -> Callable[[Array], Array]:
-    """Flow (N, 2) [px] of an image pair as a function of pixels (N, 2); a dense one is computed once."""
-    if isinstance(method, DenseFlow):
-        flow = method.dense(previous, current)
-        return lambda pixels: _sample_dense(flow, pixels)
-    return lambda pixels: method.measure_at(previous, current, pixels)
+def samplers(method: FlowMethod, previous: Image, current: Image) -> tuple[FlowAt, FlowAt]:
+    """Flow of an image pair as functions of pixels, there and back; a dense one is computed once, at most."""
+    if isinstance(method, TwoWay):
+        return method.both_ways(previous, current)
+    back = cache(lambda: _sampler(backward_method(method), current, previous))
+    return _sampler(method, previous, current), lambda pixels: back()(pixels)
+
+
+def _sampler(method: FlowMethod, previous: Image, current: Image) -> FlowAt:
+    if not isinstance(method, DenseFlow):
+        return lambda pixels: method.measure_at(previous, current, pixels)
+    dense = cache(lambda: method.dense(previous, current))
+    return lambda pixels: _sample_dense(dense(), pixels)
 
 
 class DenseFlow(ABC):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.errors import ModelError
-from flowlik.flow.base import FlowMethod, Image, backward_method, sampler
+from flowlik.flow.base import FlowAt, Image
 from flowlik.image import _kernels
 from flowlik.image.texture import Gradients
 from flowlik.support.arrays import Array
@@ -24,7 +24,7 @@ PATCHES = 1_000
 
 @dataclass(frozen=True)
 class Pair:
-    """An image pair, the method, its flow as a function of pixels (N, 2), and the vectors in question.
+    """An image pair, its flow there and back as functions of pixels (N, 2), and the vectors in question.
 
     ``gradients`` are those of the previous image.
     """
@@ -32,16 +32,15 @@ class Pair:
     previous: Image
     current: Image
     gradients: Gradients
-    method: FlowMethod
-    flow_at: Callable[[Array], Array]
+    flow_at: FlowAt
+    back_at: FlowAt
     pixels: Array
     flow: Array
 
 
 def _discrepancy(pair: Pair) -> Array:
     """Forward-backward discrepancy (N, 2) [px]: flow there and back again; NaN where there is no way back."""
-    back = sampler(backward_method(pair.method), pair.current, pair.previous)
-    return pair.flow + back(pair.pixels + pair.flow)
+    return pair.flow + pair.back_at(pair.pixels + pair.flow)
 
 
 def _residual(pair: Pair) -> Array:

@@ -10,7 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.errors import DataError
-from flowlik.flow.base import DenseFlow, FlowMethod, Windowed, all_pixels, check_pair, describe, sampler
+from flowlik.flow.base import (
+    DenseFlow,
+    FlowMethod,
+    TwoWay,
+    Windowed,
+    all_pixels,
+    check_pair,
+    describe,
+    samplers,
+)
 from flowlik.image.texture import Gradients, TextureDefinition, derivatives, eigenbasis, tensors_at
 from flowlik.measurement._signals import Pair, signal
 from flowlik.support.arrays import Array
@@ -109,18 +118,21 @@ def measure(
         If a signal is unknown.
     """
     check_pair(previous, current)
-    flow_at = sampler(method, previous, current)
+    flow_at, back_at = samplers(method, previous, current)
     if pixels is not None:
         pixels = _checked_pixels(pixels, previous.shape)
         flow = flow_at(pixels)
     elif isinstance(method, DenseFlow):
         pixels = all_pixels(previous.shape)
         flow = flow_at(pixels)
+    elif isinstance(method, TwoWay):
+        pixels = method.choose(previous)
+        flow = flow_at(pixels)
     else:
         pixels, flow = method.measure(previous, current)
     gradients = derivatives(previous)
     m = _textured(previous, gradients, pixels, flow, method, texture)
-    pair = Pair(previous, current, gradients, method, flow_at, m.pixels, m.flow)
+    pair = Pair(previous, current, gradients, flow_at, back_at, m.pixels, m.flow)
     placed = method.anchors(gradients, m.pixels) if isinstance(method, Windowed) else m.pixels
     return replace(m, pixels=placed, signals={name: signal(name)(pair) for name in signals})
 
