@@ -277,7 +277,8 @@ def test_a_method_can_be_sent_to_another_process():
 
 
 def test_labels_tell_methods_apart_and_can_be_file_names():
-    assert [method_label(describe(method)) for method in PRESETS.values()] == list(PRESETS)
+    labels = [method_label(describe(method)) for method in PRESETS.values()]
+    assert labels == [name.removesuffix("-opencv") for name in PRESETS]
     assert method_label(describe(Farneback(window=31))) == "farneback"
     assert method_label({"name": "callable", "object": "a.b:c.d"}) == "a.b.c.d"
 

@@ -102,15 +102,17 @@ def score_covariance(
         Of the likelihood.
     """
     G = _whitened(directions, fisher, J, flow_directions(m.flow))
-    B = np.zeros((6, 6))
-    kinds = (np.ascontiguousarray(G[:, kind]) for kind in (slice(2), slice(2, 3), slice(1, 2)))
-    # scores along u and v, along the flow, and along v, as functions of the tangent
-    for scores, weights in zip(kinds, (correlation.isotropic, correlation.along, correlation.vertical)):
-        flat, whole = scores.reshape(-1, 6), scores.sum(axis=0)
-        B += weights[0] * (flat.T @ flat) + weights[-1] * (whole.T @ whole)
-        for scale, weight in zip(correlation.scales_px, weights[1:-1]):
-            if weight > 0:
-                B += weight * smoothed_products(m.pixels, scores, SPACING * scale)
+    # of scores along u, v and the flow: what is isotropic counts along both axes, what is vertical along v
+    weights = np.stack(
+        [correlation.isotropic, correlation.isotropic + correlation.vertical, correlation.along]
+    )
+    flat = G.reshape(len(G), -1)
+    products, whole = flat.T @ flat, (np.ones(len(G)) @ flat).reshape(-1, 6)
+    own = [products[first : first + 6, first : first + 6] for first in (0, 6, 12)]
+    B = np.tensordot(weights[:, 0], own, axes=1) + whole.T @ (weights[:, -1:] * whole)
+    for scale, of_scale in zip(correlation.scales_px, weights.T[1:-1]):
+        if (of_scale > 0).any():
+            B += smoothed_products(m.pixels, G, of_scale, SPACING * scale)
     return B
 
 
@@ -168,12 +170,13 @@ def _spline(a, w):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
-def smoothed_products(pixels, G, spacing):  # type: ignore[no-untyped-def]
-    """``sum_ij k(p_i - p_j) G_i^T G_j`` (6, 6) of G (N, K, 6).
+def smoothed_products(pixels, G, weights, spacing):  # type: ignore[no-untyped-def]
+    """``sum_kij w_k k(p_i - p_j) G_ik^T G_jk`` (6, 6) of G (N, K, 6) and weights w (K,).
 
     k is the overlap of two splines: G is spread over a grid and the nodes' squares are added up.
     """
-    width = G.shape[1] * 6
+    kinds = np.flatnonzero(weights)
+    roots, width = np.sqrt(weights[kinds]), len(kinds) * 6
     u0, v0 = pixels[:, 0].min(), pixels[:, 1].min()
     columns = int((pixels[:, 0].max() - u0) / spacing) + 4
     rows = int((pixels[:, 1].max() - v0) / spacing) + 4
@@ -184,9 +187,9 @@ def smoothed_products(pixels, G, spacing):  # type: ignore[no-untyped-def]
         c0, r0 = int(u), int(v)
         _spline(u - c0, wu)
         _spline(v - r0, wv)
-        for k in range(G.shape[1]):
+        for k in range(len(kinds)):
             for j in range(6):
-                flat[6 * k + j] = G[i, k, j]
+                flat[6 * k + j] = roots[k] * G[i, kinds[k], j]
         # four nodes side by side are one row of numbers
         for c in range(4):
             part = line[c * width : (c + 1) * width]
@@ -196,5 +199,5 @@ def smoothed_products(pixels, G, spacing):  # type: ignore[no-untyped-def]
             nodes = grid[r0 + r, c0 * width : (c0 + 4) * width]
             for j in range(4 * width):
                 nodes[j] += wv[r] * line[j]
-    each = grid.reshape(rows * columns * G.shape[1], 6)
+    each = grid.reshape(rows * columns * len(kinds), 6)
     return each.T @ each
