@@ -50,29 +50,37 @@ def _normal(n: Array) -> Array:
 
 
 def _dot(a: Array, n: Array) -> Array:
-    return np.abs(np.einsum("ni,ni->n", a, n))
+    return np.abs(a[:, 0] * n[:, 0] + a[:, 1] * n[:, 1])
 
 
 def _texture(m: Measurements, n: Array) -> Array:
-    return (np.einsum("nij,ni->nj", m.R_i_e, n) ** 2 * m.t).sum(axis=1)
+    first, second = (_dot(m.R_i_e[:, :, j], n) for j in (0, 1))
+    return first**2 * m.t[:, 0] + second**2 * m.t[:, 1]
 
 
 def _signal(m: Measurements, name: str) -> Array:
     if name not in m.signals:
         raise ModelError(f"the schedule needs the signal {name!r}, which was not measured")
-    return np.where(np.isfinite(m.signals[name]), m.signals[name], np.inf)
+    return m.signals[name]
+
+
+def _known(values: Array) -> Array:
+    return np.where(np.isfinite(values), values, np.inf)
 
 
 def _discrepancy(m: Measurements, n: Array) -> Array:
-    d = _signal(m, "discrepancy")
     # infinite in both components where there is no way back: no direction of it is better known
-    return np.where(np.isfinite(d).all(axis=1), _dot(np.where(np.isfinite(d), d, 0.0), n), np.inf)
+    return _known(_dot(_signal(m, "discrepancy"), n))
 
 
 def _standard_error(m: Measurements, n: Array) -> Array:
-    xx, xy, yy = _signal(m, "standard-error").T
+    xx, xy, yy = _known(_signal(m, "standard-error")).T
     variance = n[:, 0] ** 2 * xx + 2 * n[:, 0] * n[:, 1] * xy + n[:, 1] ** 2 * yy
     return np.sqrt(np.maximum(variance, 0.0))
+
+
+def _any_direction(name: str) -> Callable[[Measurements, Array], Array]:
+    return lambda m, n: _known(_signal(m, name))
 
 
 COVARIATES: dict[str, Covariate] = {
@@ -86,8 +94,8 @@ COVARIATES: dict[str, Covariate] = {
         Covariate(
             "discrepancy-across", "px", 1e-3, lambda m, n: _discrepancy(m, _normal(n)), ("discrepancy",)
         ),
-        Covariate("residual", "intensity", 0.3, lambda m, n: _signal(m, "residual"), ("residual",), True),
-        Covariate("spread", "px", 1e-2, lambda m, n: _signal(m, "spread"), ("spread",), True),
+        Covariate("residual", "intensity", 0.3, _any_direction("residual"), ("residual",), True),
+        Covariate("spread", "px", 1e-2, _any_direction("spread"), ("spread",), True),
         Covariate("standard-error", "px", 1e-4, _standard_error, ("standard-error",)),
     )
 }  # fmt: skip
