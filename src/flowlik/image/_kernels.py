@@ -212,10 +212,12 @@ def patch_residual(previous, current, pixels, flow, window, first, last, residua
 @njit(cache=True, inline="always")
 def _copy(image, row, column, rows, width, out):  # type: ignore[no-untyped-def]
     """Copy a rectangle of an image into rows, one after the other."""
+    # an index without a sign needs no check for one, which would keep processors from copying many at once
+    first_row, first, k = np.uint64(row), np.uint64(column), np.uint64(0)
     for y in range(rows):
-        source, target = image[row + y, column : column + width], out[y * width : (y + 1) * width]
         for x in range(width):
-            target[x] = source[x]
+            out[k + np.uint64(x)] = image[first_row + np.uint64(y), first + np.uint64(x)]
+        k += np.uint64(width)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
