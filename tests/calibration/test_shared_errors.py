@@ -13,7 +13,7 @@ from flowlik.calibration.shared_errors import (
 )
 from flowlik.datasets.base import PairSequence
 from flowlik.errors import CalibrationError, ModelError
-from flowlik.flow import LucasKanade, describe
+from flowlik.flow import LucasKanade, describe, flow_method
 from flowlik.geometry.camera import Pinhole
 from flowlik.image.texture import TextureDefinition
 from flowlik.likelihood.families import Gaussian, LaplaceCauchy
@@ -111,7 +111,7 @@ def test_the_papers_likelihood_keeps_its_product():
     flight = simulate("planes", "training", 3, 6.0, 1, Pinhole.from_fov(160, 120, 90.0))
     paper = load_likelihood("lucas-kanade-lcm")
     assert isinstance(paper.family, LaplaceCauchy)
-    pairs = measured_pairs(split_blocks(flight, seed=1), METHOD, paper.texture)
+    pairs = measured_pairs(split_blocks(flight, seed=1), flow_method(paper.method), paper.texture)
     assert with_shared_errors(paper, 20 * pairs).shared_errors.composite_power == 0.0
 
 
