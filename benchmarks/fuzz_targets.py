@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-import json
 import shutil
 import sys
 from collections.abc import Callable
@@ -16,39 +15,35 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from tests.datasets import camera_files, fakes, test_kitti, test_kitti_raw, test_numbering, test_truth
+from tests.datasets import camera_files, fakes, test_kitti_raw, test_numbering
 from tests.datasets.ros_bags import Message, make_bag
 from tests.datasets.test_open_sequence import MAKERS
 from tests.odometry.test_ros_odometry import write_bag
 from tests.odometry.test_trajectory_covariance import steps
 
-from flowlik.calibration import load_sketch, save_sketch
-from flowlik.calibration.sketch import ErrorSketch
+import fuzz_examples as examples
+from flowlik.calibration import load_sketch
 from flowlik.datasets import ImageSequence, open_sequence
 from flowlik.datasets.base import read_grey
 from flowlik.datasets.camera_file import read_camera
 from flowlik.datasets.flow_files import read_flow
 from flowlik.datasets.mask_file import read_mask
-from flowlik.datasets.tartanair_files import encode_flow
 from flowlik.datasets.truth import with_truth
-from flowlik.datasets.uncertainty_file import read_uncertainty, write_uncertainty
+from flowlik.datasets.uncertainty_file import read_uncertainty
 from flowlik.errors import DataError
-from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.pose_table import read_pose_table
-from flowlik.geometry.trajectory import Trajectory, chain, read_trajectory, write_kitti, write_tum
+from flowlik.geometry.trajectory import chain, read_trajectory, write_kitti, write_tum
 from flowlik.likelihood.model_file import load_likelihood
-from flowlik.likelihood.schedule import Index
 from flowlik.likelihood.shipped import shipped
 from flowlik.odometry.ros_odometry import read_odometry_bag, write_odometry_bag
 from flowlik.odometry.trajectory_covariance import (
-    _write_covariance_csv,
     read_covariance_csv,
-    trajectory_covariance,
 )
 from flowlik.report._figures import render
 from flowlik.report._page import read_arrays, read_run
-from flowlik.results.records import Record, read_records, write_records
+from flowlik.results.records import read_records
 from flowlik.support.extras import missing
+from fuzz_examples import file_of, trajectory
 
 FIELDS = ("image", "flow", "visible", "depth", "T_n_c", "timestamp")
 MOST_FRAMES = 6
@@ -79,83 +74,6 @@ def ask(sequence: ImageSequence) -> None:
         _ = sequence.camera
 
 
-def file_of(name: str, write: Callable[[Path], object]) -> Callable[[Path], Path]:
-    """Maker of one file."""
-
-    def make(root: Path) -> Path:
-        root.mkdir(parents=True, exist_ok=True)
-        write(root / name)
-        return root / name
-
-    return make
-
-
-def _kitti(root: Path) -> Path:
-    folder = test_kitti.make_sequence(root / "03")
-    test_kitti.write_poses(folder / "poses.txt", 4)
-    (folder / "times.txt").write_text("0\n0.1\n0.2\n0.3\n")
-    return folder
-
-
-def _tartanair(root: Path) -> Path:
-    from flowlik.datasets.tartanair_files import encode_depth
-
-    for kind in ("image", "depth"):
-        (root / f"{kind}_lcam_front").mkdir(parents=True)
-    for k in range(3):
-        cv2.imwrite(str(root / f"image_lcam_front/{k:06d}_lcam_front.png"), fakes.picture(k))
-        depth = encode_depth(np.full((fakes.HEIGHT, fakes.WIDTH), 9.0))
-        cv2.imwrite(str(root / f"depth_lcam_front/{k:06d}_lcam_front_depth.png"), depth)
-    np.savetxt(root / "pose_lcam_front.txt", [[0.1 * k, 0, 0, 0, 0, 0, 1] for k in range(3)])
-    camera = {"width": fakes.WIDTH, "height": fakes.HEIGHT, "fx": 40, "fy": 40, "cx": 19.5, "cy": 14.5}
-    (root / "camera.json").write_text(json.dumps({**camera, "frames_per_second": 20}))
-    return root
-
-
-def _video(root: Path) -> Path:
-    root.mkdir(parents=True)
-    writer = cv2.VideoWriter(str(root / "a.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 20, (64, 48))
-    for k in range(4):
-        writer.write(cv2.cvtColor(fakes.picture(k, 64, 48), cv2.COLOR_GRAY2BGR))
-    writer.release()
-    return root / "a.avi"
-
-
-def _trajectory() -> tuple[Trajectory, list]:
-    motions = steps(4)
-    return Trajectory(np.arange(5) / 10, chain(m.T_k_prev for m in motions)), motions
-
-
-def _covariance(path: Path) -> None:
-    trajectory, motions = _trajectory()
-    _write_covariance_csv(path, trajectory_covariance(trajectory.timestamps, motions))
-
-
-def _sketch(path: Path) -> None:
-    save_sketch(ErrorSketch.empty(Index()), path)
-
-
-def _run(root: Path) -> Path:
-    root.mkdir(parents=True)
-    (root / "run.json").write_text(
-        json.dumps({"name": "flowlik flow", "command": "flowlik flow", "config": {}})
-    )
-    write_records(root / "metrics.json", [Record("nll", 1.0, "nat", "a", "dis", count=3, seed=1)])
-    return root
-
-
-def _figure(path: Path) -> None:
-    flow = fakes.some_flow().astype(np.float32)
-    half_width = np.abs(flow) + 0.1
-    np.savez_compressed(
-        path, image=fakes.picture(0), flow=flow, half_width=half_width, angle=flow[..., 0], confidence=0.9
-    )
-
-
-def _uncertainty(path: Path) -> None:
-    write_uncertainty(path, np.abs(fakes.some_flow()), fakes.some_flow()[..., 0])
-
-
 def _images() -> dict[str, Target]:
     grey = fakes.picture(0)
     colour = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
@@ -180,18 +98,13 @@ def _flow(suffix: str) -> Target:
     return Target(file_of(f"a.{suffix}", writers[suffix]), read_flow)
 
 
-def _tartanair_flow(path: Path) -> None:
-    flow = fakes.some_flow()
-    cv2.imwrite(str(path), encode_flow(flow, np.ones((30, 40), bool), Pinhole(40, 30, 20, 20, 19.5, 14.5)))
-
-
 def _ros() -> dict[str, Target]:
     if missing("ros"):
         return {}
 
     def odometry(root: Path) -> Path:
         root.mkdir(parents=True)
-        return write_odometry_bag(root / "odometry", *_trajectory())
+        return write_odometry_bag(root / "odometry", *trajectory())
 
     def bag(root: Path, **options) -> Path:
         root.mkdir(parents=True)
@@ -229,12 +142,6 @@ def _ros() -> dict[str, Target]:
         ),
         "ros odometry": Target(odometry, read_odometry_bag),
     }
-
-
-def _mask(path: Path) -> None:
-    usable = np.full((fakes.HEIGHT, fakes.WIDTH), 255, np.uint8)
-    usable[20:, :15] = 0
-    fakes.save(path, usable)
 
 
 def _cameras() -> dict[str, Target]:
@@ -313,18 +220,17 @@ def _poses() -> dict[str, Target]:
             for name, table in tables.items()
         },
         "poses euroc": Target(file_of("p.csv", euroc), use),
-        "poses tum": Target(file_of("p.txt", lambda p: write_tum(p, _trajectory()[0])), use),
+        "poses tum": Target(file_of("p.txt", lambda p: write_tum(p, trajectory()[0])), use),
     }
-
-
-def _truth(root: Path) -> Path:
-    test_truth.make_images(root)
-    return test_truth.write_tum(root / "truth.txt", range(test_truth.COUNT)).parent
 
 
 def _lenient() -> dict[str, Target]:
     """Readers that go on over what is missing or double."""
-    makers = {"kitti": _kitti, "tartanair": _tartanair, **{n: MAKERS[n] for n in ("euroc", "tum-rgbd")}}
+    makers = {
+        "kitti": examples.kitti,
+        "tartanair": examples.tartanair,
+        **{n: MAKERS[n] for n in ("euroc", "tum-rgbd")},
+    }
     return {
         f"lenient {name}": Target(make, lambda path, name=name: everything(path, name, lenient=True))
         for name, make in makers.items()
@@ -333,10 +239,15 @@ def _lenient() -> dict[str, Target]:
 
 def targets() -> dict[str, Target]:
     """All targets by name."""
-    makers = {**MAKERS, "kitti": _kitti, "kitti-raw": test_kitti_raw.make_drive, "tartanair": _tartanair}
+    makers = {
+        **MAKERS,
+        "kitti": examples.kitti,
+        "kitti-raw": test_kitti_raw.make_drive,
+        "tartanair": examples.tartanair,
+    }
     found = {
         f"reader {name}": Target(make, lambda path, name=name: everything(path, name))
-        for name, make in {**makers, "video": _video}.items()
+        for name, make in {**makers, "video": examples.video}.items()
     }
     model = shipped()["lucas-kanade-lcm"], shipped()["dis"]
     return {
@@ -347,14 +258,17 @@ def targets() -> dict[str, Target]:
         **_lenient(),
         **_poses(),
         "truth": Target(
-            _truth, lambda root: ask(with_truth(open_sequence(root / "walk"), root / "truth.txt"))
+            examples.truth, lambda root: ask(with_truth(open_sequence(root / "walk"), root / "truth.txt"))
         ),
         **_ros(),
         **_images(),
         **{f"flow {suffix}": _flow(suffix) for suffix in ("flo", "png", "npy", "npz", "pfm")},
-        "flow tartanair": Target(file_of("a.png", _tartanair_flow), read_flow),
+        "flow tartanair": Target(file_of("a.png", examples.tartanair_flow), read_flow),
         **_cameras(),
-        "mask": Target(file_of("m.png", _mask), lambda path: read_mask(path, (fakes.HEIGHT, fakes.WIDTH))),
+        "mask": Target(
+            file_of("m.png", examples.mask),
+            lambda path: read_mask(path, (fakes.HEIGHT, fakes.WIDTH)),
+        ),
         **{
             f"model {path.stem}": Target(
                 file_of("m.json", lambda p, path=path: shutil.copy(path, p)), load_likelihood
@@ -362,17 +276,18 @@ def targets() -> dict[str, Target]:
             for path in model
         },
         "trajectory kitti": Target(
-            file_of("t.txt", lambda p: write_kitti(p, _trajectory()[0])), read_trajectory
+            file_of("t.txt", lambda p: write_kitti(p, trajectory()[0])), read_trajectory
         ),
-        "trajectory tum": Target(file_of("t.txt", lambda p: write_tum(p, _trajectory()[0])), read_trajectory),
-        "covariance": Target(file_of("c.csv", _covariance), read_covariance_csv),
-        "uncertainty": Target(file_of("u.png", _uncertainty), read_uncertainty),
-        "sketch": Target(file_of("s.npz", _sketch), load_sketch),
-        "run": Target(_run, read_run),
+        "trajectory tum": Target(file_of("t.txt", lambda p: write_tum(p, trajectory()[0])), read_trajectory),
+        "covariance": Target(file_of("c.csv", examples.covariance), read_covariance_csv),
+        "uncertainty": Target(file_of("u.png", examples.uncertainty), read_uncertainty),
+        "sketch": Target(file_of("s.npz", examples.sketch), load_sketch),
+        "run": Target(examples.run, read_run),
         "records": Target(
-            lambda root: _run(root) / "metrics.json", lambda path: (read_records(path), read_run(path.parent))
+            lambda root: examples.run(root) / "metrics.json",
+            lambda path: (read_records(path), read_run(path.parent)),
         ),
-        "figure": Target(file_of("uncertainty--a.npz", _figure), lambda p: _draw(p)),
+        "figure": Target(file_of("uncertainty--a.npz", examples.figure), lambda p: _draw(p)),
     }
 
 

@@ -112,6 +112,18 @@ def test_flow_of_another_scale(tmp_path, flight, name, factor, told):
     assert told in doubt or name == "middlebury-flow"  # one pair alone
 
 
+@pytest.mark.parametrize("name", ["kitti-flow", "flying-chairs", "middlebury-flow"])
+def test_the_two_images_of_pairs_swapped(tmp_path, flight, name):
+    swapped = [flight.images[k ^ 1] for k in range(len(flight))]
+    (doubt,) = doubts_of(tmp_path, WITH_FLOW[name], replace(flight, images=swapped))
+    assert "the flow reversed" in doubt or name == "middlebury-flow"  # one pair alone
+
+
+def test_depth_of_another_scene(tmp_path, flight):
+    far = [depth[:, ::-1] * 2 for depth in flight.depths]
+    assert len(doubts_of(tmp_path, room.write_tartanair, replace(flight, depths=far))) == 1
+
+
 @pytest.mark.parametrize("name", ["sintel", "flying-chairs"])
 @pytest.mark.parametrize("factor", [0.9, 1.1])
 def test_exact_flow_may_not_be_a_tenth_off(tmp_path, flight, name, factor):
