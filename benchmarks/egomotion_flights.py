@@ -9,7 +9,7 @@ import numpy as np
 from numpy.lib.format import open_memmap
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.datasets.base import true_flow
+from flowlik.datasets.next_frame import true_flow
 from flowlik.flow import Farneback
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.motion import relative_motion
@@ -48,7 +48,7 @@ class TableFlight:
 
 
 class Exposed:
-    """A rendered flight as one sensor sees it; implements `flowlik.datasets.base.Sequence`.
+    """A rendered flight as one sensor sees it; implements `flowlik.datasets.ImageSequence`.
 
     Light is kept in half precision, whose rounding is a twentieth of the sensor's own noise.
     """

@@ -17,7 +17,7 @@ from tests.odometry.test_trajectory_covariance import steps
 
 from flowlik.calibration import save_sketch
 from flowlik.calibration.sketch import ErrorSketch
-from flowlik.datasets.tartanair_files import encode_depth, encode_flow
+from flowlik.datasets.tartanair import encode_depth, encode_flow
 from flowlik.datasets.uncertainty_file import write_uncertainty
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.trajectory import Trajectory, chain

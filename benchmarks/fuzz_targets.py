@@ -23,11 +23,9 @@ from tests.odometry.test_trajectory_covariance import steps
 
 import fuzz_examples as examples
 from flowlik.calibration import load_sketch
-from flowlik.datasets import ImageSequence, open_sequence
-from flowlik.datasets.base import read_grey
-from flowlik.datasets.camera_file import read_camera
+from flowlik.datasets import ImageSequence, open_sequence, read_camera, read_grey
+from flowlik.datasets._mask_file import read_mask
 from flowlik.datasets.flow_files import read_flow
-from flowlik.datasets.mask_file import read_mask
 from flowlik.datasets.truth import with_truth
 from flowlik.datasets.uncertainty_file import read_uncertainty
 from flowlik.errors import DataError

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.datasets import open_sequence
-from flowlik.datasets.base import ImageSequence, read_grey, true_flow
+from flowlik.datasets import open_sequence, read_grey
+from flowlik.datasets.base import ImageSequence
 from flowlik.datasets.flow_files import read_flow
+from flowlik.datasets.next_frame import true_flow
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.motion import relative_motion
 

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from flowlik.datasets.tartanair_files import encode_depth
+from flowlik.datasets.tartanair import encode_depth
 from tests.cli.call import call, refuse, succeed
 from tests.cli.conftest import blank_images, image_of
 from tests.datasets.test_kitti import write_poses

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.datasets.base import true_flow
 from flowlik.datasets.flow_files import write_flo, write_kitti_flow
-from flowlik.datasets.tartanair_files import encode_depth, encode_poses
+from flowlik.datasets.next_frame import true_flow
+from flowlik.datasets.tartanair import encode_depth, encode_poses
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.trajectory import Trajectory, write_kitti
 

@@ -6,12 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
-from flowlik.datasets import open_sequence, truth_doubts
+from flowlik.datasets import Lens, open_sequence, truth_doubts
+from flowlik.datasets._lens_models import BrownConrady
+from flowlik.datasets._masked import Masked
 from flowlik.datasets._tracks import track
 from flowlik.datasets.agreement import flow_doubt, pair_doubt
-from flowlik.datasets.lens import Lens
-from flowlik.datasets.lens_models import BrownConrady
-from flowlik.datasets.masked import Masked
 from flowlik.datasets.selection import select_frames
 from flowlik.datasets.undistorted import Undistorted
 

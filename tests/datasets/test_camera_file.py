@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from flowlik.datasets.camera_file import read_camera
-from flowlik.datasets.lens_models import BrownConrady, DoubleSphere, KannalaBrandt
+from flowlik.datasets import read_camera
+from flowlik.datasets._lens_models import BrownConrady, DoubleSphere, KannalaBrandt
 from flowlik.errors import DataError
 
 from .camera_files import (

@@ -6,10 +6,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from flowlik.datasets import open_sequence
+from flowlik.datasets._euroc import Euroc
+from flowlik.datasets._euroc_files import read_T_b_c
+from flowlik.datasets._lens_models import KannalaBrandt
 from flowlik.datasets.base import notes_of
-from flowlik.datasets.euroc import Euroc
-from flowlik.datasets.euroc_files import read_T_b_c
-from flowlik.datasets.lens_models import KannalaBrandt
 from flowlik.datasets.selection import select_frames
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.geometry.camera import Pinhole

@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from flowlik.datasets.base import read_grey
+from flowlik.datasets import read_grey
 from flowlik.datasets.flow_files import read_flow, write_flo, write_kitti_flow
 from flowlik.errors import DataError
 

@@ -6,7 +6,7 @@ import pytest
 
 from flowlik.datasets.flow_files import read_flow, write_kitti_flow
 from flowlik.datasets.flow_png import PNG_CODINGS
-from flowlik.datasets.tartanair_files import encode_flow
+from flowlik.datasets.tartanair import encode_flow
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from flowlik.datasets import open_sequence
+from flowlik.datasets._image_folder import ImageFolder
 from flowlik.datasets.base import frame_pairs
-from flowlik.datasets.image_folder import ImageFolder
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.geometry.camera import Pinhole
 

@@ -6,8 +6,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from flowlik.datasets import read_grey
+from flowlik.datasets._images import decode_image
 from flowlik.datasets._truncation import claimed_size
-from flowlik.datasets.base import decode_image, read_grey
 from flowlik.errors import DataError
 
 from .fakes import claim_png, picture

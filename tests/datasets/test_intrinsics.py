@@ -2,8 +2,8 @@
 
 import pytest
 
+from flowlik.datasets import Lens
 from flowlik.datasets.intrinsics import given_lens
-from flowlik.datasets.lens import Lens
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.datasets import FORMATS, guess_format, open_sequence
-from flowlik.datasets.base import read_grey
+from flowlik.datasets import FORMATS, guess_format, open_sequence, read_grey
 from flowlik.datasets.kitti import KittiOdometry, read_calibration
 from flowlik.errors import DataError
 from flowlik.geometry.trajectory import Trajectory, write_kitti

@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.datasets import open_sequence
-from flowlik.datasets.base import motion_to_next, true_flow
-from flowlik.datasets.frames import DepthFrames
-from flowlik.datasets.lens import Lens
-from flowlik.datasets.lens_models import BrownConrady, DoubleSphere, KannalaBrandt
+from flowlik.datasets import Lens, open_sequence
+from flowlik.datasets._frames import DepthFrames
+from flowlik.datasets._lens_models import BrownConrady, DoubleSphere, KannalaBrandt
+from flowlik.datasets.next_frame import motion_to_next, true_flow
 from flowlik.datasets.undistorted import Undistorted
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole

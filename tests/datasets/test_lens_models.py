@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from flowlik.datasets.lens_models import BrownConrady, DoubleSphere, KannalaBrandt, true_points
+from flowlik.datasets._lens_models import BrownConrady, DoubleSphere, KannalaBrandt, true_points
 from flowlik.errors import DataError
 
 EUROC = (-0.283, 0.074, 0.0002, 1.8e-5)

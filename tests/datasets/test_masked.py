@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from flowlik.datasets import mask_of, masked, open_sequence, resized, select_frames
-from flowlik.datasets.mask_file import read_mask
-from flowlik.datasets.masked import Masked
+from flowlik.datasets._mask_file import read_mask
+from flowlik.datasets._masked import Masked
 from flowlik.errors import DataError
 
 from .fakes import HEIGHT, WIDTH, make_kitti_flow, picture, save

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from flowlik.datasets import open_sequence
-from flowlik.datasets.image_folder import ImageFolder
+from flowlik.datasets._image_folder import ImageFolder
 from flowlik.datasets.naming import in_order
 from flowlik.errors import DataError
 

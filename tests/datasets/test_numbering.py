@@ -11,9 +11,9 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.datasets import open_sequence
-from flowlik.datasets.numbering import numbered
+from flowlik.datasets._numbering import numbered
 from flowlik.datasets.selection import select_frames
-from flowlik.datasets.tartanair_files import encode_depth, encode_poses
+from flowlik.datasets.tartanair import encode_depth, encode_poses
 from flowlik.errors import DataError
 from flowlik.geometry.trajectory import Trajectory, write_kitti
 

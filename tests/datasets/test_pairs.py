@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from flowlik.datasets import open_sequence
+from flowlik.datasets._flying_chairs import FlyingChairs
+from flowlik.datasets._kitti_flow import KittiFlow
+from flowlik.datasets._middlebury import MiddleburyFlow
 from flowlik.datasets.base import PairSequence, frame_pairs
 from flowlik.datasets.flow_files import write_flo, write_kitti_flow
-from flowlik.datasets.flying_chairs import FlyingChairs
-from flowlik.datasets.kitti_flow import KittiFlow
-from flowlik.datasets.middlebury import MiddleburyFlow
 from flowlik.errors import DataError, MissingFieldError
 
 from .fakes import (

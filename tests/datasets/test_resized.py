@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.datasets import open_sequence, resized
-from flowlik.datasets.base import frame_pairs, motion_to_next, true_flow
-from flowlik.datasets.frames import DepthFrames
-from flowlik.datasets.lens import Lens
-from flowlik.datasets.lens_models import BrownConrady
-from flowlik.datasets.resized import Resize
+from flowlik.datasets import Lens, open_sequence, resized
+from flowlik.datasets._frames import DepthFrames
+from flowlik.datasets._lens_models import BrownConrady
+from flowlik.datasets._resized import Resize
+from flowlik.datasets.base import frame_pairs
+from flowlik.datasets.next_frame import motion_to_next, true_flow
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.geometry.camera import Pinhole
 

@@ -4,9 +4,9 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.datasets import open_sequence
+from flowlik.datasets._seven_scenes import SevenScenes
+from flowlik.datasets._tum_rgbd import TumRgbd
 from flowlik.datasets.base import frame_pairs, notes_of
-from flowlik.datasets.seven_scenes import SevenScenes
-from flowlik.datasets.tum_rgbd import TumRgbd
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.times import mutual, nearest

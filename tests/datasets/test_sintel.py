@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from flowlik.datasets import open_sequence
+from flowlik.datasets._sintel import Sintel
 from flowlik.datasets.base import frame_pairs
 from flowlik.datasets.flow_files import write_flo
-from flowlik.datasets.sintel import Sintel
 from flowlik.errors import DataError, MissingFieldError
 
 from .fakes import HEIGHT, WIDTH, make_sintel, photometric_errors, picture, save

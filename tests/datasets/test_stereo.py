@@ -8,10 +8,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from flowlik.datasets import open_sequence
+from flowlik.datasets._disparity import read_disparity
+from flowlik.datasets._middlebury import MiddleburyStereo
 from flowlik.datasets.base import frame_pairs
-from flowlik.datasets.disparity import read_disparity
 from flowlik.datasets.flow_files import read_flow
-from flowlik.datasets.middlebury import MiddleburyStereo
 from flowlik.errors import DataError, MissingFieldError
 
 from .fakes import HEIGHT, WIDTH, make_stereo, picture, save, write_pfm

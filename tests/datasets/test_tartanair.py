@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.datasets.tartanair import TartanAir
-from flowlik.datasets.tartanair_files import decode_poses, encode_depth, encode_flow, encode_poses
+from flowlik.datasets.tartanair import TartanAir, encode_depth, encode_flow, encode_poses
+from flowlik.datasets.tartanair._files import decode_poses
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 

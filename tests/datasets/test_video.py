@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from flowlik.datasets import open_sequence
+from flowlik.datasets._video import Video
 from flowlik.datasets.base import notes_of
 from flowlik.datasets.selection import select_frames
-from flowlik.datasets.video import Video
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.geometry.camera import Pinhole
 

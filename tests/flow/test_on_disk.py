@@ -5,10 +5,9 @@ import cv2
 import numpy as np
 import pytest
 
-from flowlik.datasets import open_sequence
+from flowlik.datasets import Lens, open_sequence
+from flowlik.datasets._lens_models import BrownConrady
 from flowlik.datasets.flow_files import write_flo, write_kitti_flow
-from flowlik.datasets.lens import Lens
-from flowlik.datasets.lens_models import BrownConrady
 from flowlik.datasets.selection import Selection
 from flowlik.egomotion import ransac
 from flowlik.errors import DataError, ModelError

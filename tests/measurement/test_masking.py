@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from flowlik.calibration._pairs import calibration_pixels, pair_errors
-from flowlik.datasets import open_sequence
-from flowlik.datasets.lens import Lens
-from flowlik.datasets.lens_models import BrownConrady
-from flowlik.datasets.masked import Masked
+from flowlik.datasets import Lens, open_sequence
+from flowlik.datasets._lens_models import BrownConrady
+from flowlik.datasets._masked import Masked
 from flowlik.datasets.selection import Selection
 from flowlik.datasets.undistorted import Undistorted
 from flowlik.egomotion import ransac

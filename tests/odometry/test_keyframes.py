@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flowlik.datasets.frames import Lacking
+from flowlik.datasets._frames import Lacking
 from flowlik.datasets.selection import select_frames
 from flowlik.errors import DataError
 from flowlik.flow import FlowFiles, LucasKanade

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.datasets import open_sequence
-from flowlik.datasets.lens_models import KannalaBrandt
+from flowlik.datasets._lens_models import KannalaBrandt
 from flowlik.egomotion import Status
 from flowlik.errors import DataError, MissingExtraError, MissingFieldError
 from flowlik.geometry.trajectory import Trajectory, chain

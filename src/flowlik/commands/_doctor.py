@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.datasets.base import true_flow
+from flowlik.datasets.next_frame import true_flow
 from flowlik.egomotion import KnownDepth, lcmsac
 from flowlik.errors import FlowlikError
 from flowlik.flow import flow_method

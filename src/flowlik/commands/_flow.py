@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.commands.options import FlowOptions
+from flowlik.datasets import read_grey
 from flowlik.datasets.agreement import pair_doubt
-from flowlik.datasets.base import read_grey
 from flowlik.datasets.flow_files import read_flow, write_flo, write_kitti_flow
 from flowlik.datasets.flow_png import MOST_PX
 from flowlik.datasets.intrinsics import given_lens

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flowlik.datasets import layouts
+from flowlik.datasets import _layouts as layouts
+from flowlik.datasets._camera_file import read_camera
+from flowlik.datasets._images import read_grey
+from flowlik.datasets._lens import Lens
+from flowlik.datasets._masked import masked
+from flowlik.datasets._resized import resized
 from flowlik.datasets.agreement import truth_doubts
 from flowlik.datasets.base import ImageSequence, frame_pairs, mask_of
-from flowlik.datasets.camera_file import read_camera
-from flowlik.datasets.lens import Lens
-from flowlik.datasets.masked import masked
-from flowlik.datasets.resized import resized
 from flowlik.datasets.selection import select_frames
 from flowlik.datasets.uncertainty_file import read_uncertainty
 from flowlik.errors import DataError
@@ -32,6 +33,7 @@ __all__ = [
     "masked",
     "open_sequence",
     "read_camera",
+    "read_grey",
     "read_uncertainty",
     "resized",
     "select_frames",
@@ -80,67 +82,67 @@ def _open_tartanair(path: Path, **options: Any) -> ImageSequence:
 
 
 def _open_sintel(path: Path, **options: Any) -> ImageSequence:
-    from flowlik.datasets.sintel import Sintel
+    from flowlik.datasets._sintel import Sintel
 
     return Sintel(path, **options)
 
 
 def _open_kitti_flow(path: Path) -> ImageSequence:
-    from flowlik.datasets.kitti_flow import KittiFlow
+    from flowlik.datasets._kitti_flow import KittiFlow
 
     return KittiFlow(path)
 
 
 def _open_middlebury_flow(path: Path) -> ImageSequence:
-    from flowlik.datasets.middlebury import MiddleburyFlow
+    from flowlik.datasets._middlebury import MiddleburyFlow
 
     return MiddleburyFlow(path)
 
 
 def _open_middlebury_stereo(path: Path) -> ImageSequence:
-    from flowlik.datasets.middlebury import MiddleburyStereo
+    from flowlik.datasets._middlebury import MiddleburyStereo
 
     return MiddleburyStereo(path)
 
 
 def _open_flying_chairs(path: Path) -> ImageSequence:
-    from flowlik.datasets.flying_chairs import FlyingChairs
+    from flowlik.datasets._flying_chairs import FlyingChairs
 
     return FlyingChairs(path)
 
 
 def _open_seven_scenes(path: Path, **options: Any) -> ImageSequence:
-    from flowlik.datasets.seven_scenes import SevenScenes
+    from flowlik.datasets._seven_scenes import SevenScenes
 
     return SevenScenes(path, **options)
 
 
 def _open_tum_rgbd(path: Path, **options: Any) -> ImageSequence:
-    from flowlik.datasets.tum_rgbd import TumRgbd
+    from flowlik.datasets._tum_rgbd import TumRgbd
 
     return TumRgbd(path, **options)
 
 
 def _open_euroc(path: Path, **options: Any) -> ImageSequence:
-    from flowlik.datasets.euroc import Euroc
+    from flowlik.datasets._euroc import Euroc
 
     return Euroc(path, **options)
 
 
 def _open_image_folder(path: Path, **options: Any) -> ImageSequence:
-    from flowlik.datasets.image_folder import ImageFolder
+    from flowlik.datasets._image_folder import ImageFolder
 
     return ImageFolder(path, **options)
 
 
 def _open_video(path: Path, **options: Any) -> ImageSequence:
-    from flowlik.datasets.video import Video
+    from flowlik.datasets._video import Video
 
     return Video(path, **options)
 
 
 def _open_ros(path: Path, **options: Any) -> ImageSequence:
-    from flowlik.datasets.ros_bag import RosBag
+    from flowlik.datasets._ros_bag import RosBag
 
     return RosBag(path, **options)
 
@@ -218,7 +220,7 @@ def open_sequence(
         A name in `FORMATS`; by default guessed from the layout.
     camera : Pinhole, Lens, str, Path or sequence of float, optional
         Camera for a format without one of its own, or instead of its default: ``f,cx,cy`` or ``fx,fy,cx,cy``
-        [px], or a camera file (`flowlik.datasets.camera_file`). Where its lens distorts, images and depth are
+        [px], or a camera file (`read_camera`). Where its lens distorts, images and depth are
         undistorted as they are read.
     frames_per_second : float, optional
         Frame rate [Hz] for a format without times.

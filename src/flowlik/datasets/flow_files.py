@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from flowlik.datasets._pfm import read_pfm
 from flowlik.datasets.flow_png import encode_kitti_flow, read_flow_png
-from flowlik.datasets.pfm import read_pfm
 from flowlik.errors import DataError
 from flowlik.support.arrays import Array
 from flowlik.support.files import atomic_write, read_npz

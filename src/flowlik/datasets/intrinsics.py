@@ -6,9 +6,9 @@ import re
 from collections.abc import Sequence as Seq
 from pathlib import Path
 
+from flowlik.datasets._camera_file import read_camera
+from flowlik.datasets._lens import Lens
 from flowlik.datasets.base import lacks
-from flowlik.datasets.camera_file import read_camera
-from flowlik.datasets.lens import Lens
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.support.files import numbers

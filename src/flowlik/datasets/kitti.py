@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.datasets.base import frame_index, lacks, read_grey
-from flowlik.datasets.camera_model import matrix_lens
-from flowlik.datasets.camera_text import read_projection
-from flowlik.datasets.frames import Lacking, first_readable
-from flowlik.datasets.numbering import Numbered, numbered
+from flowlik.datasets._camera_model import matrix_lens
+from flowlik.datasets._camera_text import read_projection
+from flowlik.datasets._frames import Lacking, first_readable
+from flowlik.datasets._images import read_grey
+from flowlik.datasets._numbering import Numbered, numbered
+from flowlik.datasets.base import frame_index, lacks
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.pose_table import read_pose_table

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.datasets.base import frame_index, lacks, read_grey
-from flowlik.datasets.camera_model import matrix_lens
-from flowlik.datasets.frames import Lacking, first_readable
+from flowlik.datasets._camera_model import matrix_lens
+from flowlik.datasets._frames import Lacking, first_readable
+from flowlik.datasets._images import read_grey
+from flowlik.datasets.base import frame_index, lacks
 from flowlik.datasets.kitti import images_in, numbered_images
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole

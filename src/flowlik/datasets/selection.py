@@ -11,15 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.datasets.base import (
-    ImageSequence,
-    frame_index,
-    is_visible,
-    lacks,
-    motion_to_next,
-    true_flow,
-    visibility_next,
-)
+from flowlik.datasets.base import ImageSequence, frame_index, lacks
+from flowlik.datasets.next_frame import is_visible, motion_to_next, true_flow, visibility_next
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.times import time_text

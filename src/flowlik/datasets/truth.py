@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.datasets.base import NO_TIMES, ImageSequence, frame_index, motion_to_next, notes_of, true_flow
-from flowlik.datasets.euroc_files import read_T_b_c
+from flowlik.datasets._euroc_files import read_T_b_c
+from flowlik.datasets.base import NO_TIMES, ImageSequence, frame_index, notes_of
+from flowlik.datasets.next_frame import motion_to_next, true_flow
 from flowlik.datasets.selection import Selection
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.geometry.pose_table import PoseTable, read_pose_table

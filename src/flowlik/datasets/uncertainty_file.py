@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.datasets.base import decode_image
+from flowlik.datasets._images import decode_image
 from flowlik.errors import DataError
 from flowlik.support.arrays import Array
 from flowlik.support.files import atomic_write

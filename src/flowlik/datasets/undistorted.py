@@ -8,16 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.datasets.base import (
-    ImageSequence,
-    is_visible,
-    mask_of,
-    motion_to_next,
-    true_flow,
-    visibility_next,
-)
-from flowlik.datasets.lens import Lens
-from flowlik.datasets.wrapped import Wrapped
+from flowlik.datasets._lens import Lens
+from flowlik.datasets._wrapped import Wrapped
+from flowlik.datasets.base import ImageSequence, mask_of
+from flowlik.datasets.next_frame import is_visible, motion_to_next, true_flow, visibility_next
 from flowlik.geometry.camera import Pinhole
 from flowlik.image.sampling import sample_inverse_depth
 from flowlik.support.arrays import Array

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from flowlik.datasets import Lens
 from flowlik.datasets.flow_files import HDF5, SUFFIXES, read_flow
 from flowlik.datasets.flow_png import check_coding
-from flowlik.datasets.lens import Lens
 from flowlik.datasets.naming import in_order
 from flowlik.datasets.undistorted import removed_lens
 from flowlik.errors import DataError, ModelError

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.datasets.base import Visibility
+from flowlik.datasets.next_frame import Visibility
 from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import IDEAL_SENSOR, Flight, SimulatedSequence
 from tests.simulation.flight.moving import MovingWorld

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.datasets.base import true_flow
+from flowlik.datasets.next_frame import true_flow
 from flowlik.errors import DataError, MissingFieldError
 from flowlik.geometry.camera import Pinhole
 from flowlik.simulation import IDEAL_SENSOR, Flight, PlanesWorld, Sensor, SimulatedSequence, simulate

@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.datasets.base import (
+from flowlik.datasets.base import frame_index, lacks
+from flowlik.datasets.next_frame import (
     Movers,
-    frame_index,
     is_visible,
-    lacks,
     motion_to_next,
     mover_motions,
     true_flow,
@@ -37,7 +36,7 @@ LEFT, RIGHT = 0, 1
 
 
 class SimulatedSequence:
-    """Frames seen by a camera that moves through a world; implements `flowlik.datasets.base.Sequence`.
+    """Frames seen by a camera that moves through a world; implements `flowlik.datasets.ImageSequence`.
 
     Parameters
     ----------
@@ -165,7 +164,7 @@ class SimulatedSequence:
         return true_flow(self.camera, self.frame(k).depth, motion_to_next(self, k), self._movers(k))
 
     def visibility(self, k: int) -> NDArray[np.uint8]:
-        """Return what becomes of each pixel (H, W) in frame k + 1, a `flowlik.datasets.base.Visibility`."""
+        """Return what becomes of each pixel (H, W) in frame k + 1, a `Visibility`."""
         depth, later = self.frame(k).depth, self.frame(k + 1).depth
         return visibility_next(self.camera, depth, later, motion_to_next(self, k), self._movers(k))
 

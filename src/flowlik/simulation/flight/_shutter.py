@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.datasets.base import mover_motions
+from flowlik.datasets.next_frame import mover_motions
 from flowlik.geometry.motion import relative_motion
 from flowlik.support.arrays import Array
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.datasets.tartanair_files import encode_depth, encode_flow, encode_poses
+from flowlik.datasets.tartanair import encode_depth, encode_flow, encode_poses
 from flowlik.errors import DataError
 from flowlik.simulation.flight._sequence import SimulatedSequence
 from flowlik.support.files import atomic_write

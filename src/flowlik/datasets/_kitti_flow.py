@@ -8,9 +8,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.datasets.base import lacks, of_size
+from flowlik.datasets._images import of_size
+from flowlik.datasets._pairs import ImagePair, ImagePairs
+from flowlik.datasets.base import lacks
 from flowlik.datasets.flow_files import read_flow
-from flowlik.datasets.pairs import ImagePair, ImagePairs
 from flowlik.errors import DataError
 from flowlik.support.files import printable
 

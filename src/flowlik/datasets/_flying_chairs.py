@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from flowlik.datasets.pairs import ImagePair, ImagePairs
+from flowlik.datasets._pairs import ImagePair, ImagePairs
 from flowlik.errors import DataError
 from flowlik.support.files import printable
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from flowlik.datasets._numbering import Numbered
 from flowlik.datasets.flow_png import TARTANAIR_UNKNOWN
-from flowlik.datasets.numbering import Numbered
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.pose_table import camera_poses, ned_poses, read_pose_table

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
+from flowlik.datasets._camera_file import read_camera
+from flowlik.datasets._frames import DepthFrames, read_depth
+from flowlik.datasets._lens import Lens
+from flowlik.datasets._lens_models import BrownConrady
+from flowlik.datasets._timed import TimedFiles, left_out, timed_files
 from flowlik.datasets.base import frame_index, lacks
-from flowlik.datasets.camera_file import read_camera
-from flowlik.datasets.frames import DepthFrames, read_depth
 from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_lens
-from flowlik.datasets.lens import Lens
-from flowlik.datasets.lens_models import BrownConrady
-from flowlik.datasets.timed import TimedFiles, left_out, timed_files
 from flowlik.errors import DataError
 from flowlik.geometry.pose_table import read_pose_table
 from flowlik.geometry.times import mutual, nearest

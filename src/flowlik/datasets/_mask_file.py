@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.datasets.base import decode_image, of_size
+from flowlik.datasets._images import decode_image, of_size
 from flowlik.errors import DataError
 
 LEAST_USABLE = 0.01

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from flowlik.datasets._frames import FrameFiles
+from flowlik.datasets._layouts import IMAGE_SUFFIXES
+from flowlik.datasets._numbering import Numbered
 from flowlik.datasets.base import NO_TIMES, frame_index
-from flowlik.datasets.frames import FrameFiles
 from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_lens
-from flowlik.datasets.layouts import IMAGE_SUFFIXES
 from flowlik.datasets.naming import in_order, last_number
-from flowlik.datasets.numbering import Numbered
 from flowlik.errors import DataError
 from flowlik.geometry.times import read_times
 from flowlik.support.files import printable

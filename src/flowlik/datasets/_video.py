@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.datasets._containers import AVI, ISO, MPEG_PROGRAM, container_of, is_all_there
-from flowlik.datasets.base import MAX_PIXELS, frame_index
-from flowlik.datasets.frames import Lacking
-from flowlik.datasets.image_folder import check_rate
+from flowlik.datasets._frames import Lacking
+from flowlik.datasets._image_folder import check_rate
+from flowlik.datasets._images import MAX_PIXELS
+from flowlik.datasets.base import frame_index
 from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_lens
 from flowlik.errors import DataError
 from flowlik.geometry.times import check_times

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.datasets.disparity import read_disparity
-from flowlik.datasets.layouts import STEREO_FILES
-from flowlik.datasets.pairs import ImagePair, ImagePairs, scene_folders
+from flowlik.datasets._disparity import read_disparity
+from flowlik.datasets._layouts import STEREO_FILES
+from flowlik.datasets._pairs import ImagePair, ImagePairs, scene_folders
 from flowlik.errors import DataError
 from flowlik.support.files import printable
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from flowlik.datasets._mask_file import read_mask
+from flowlik.datasets._wrapped import Wrapped
 from flowlik.datasets.base import ImageSequence, mask_of, shape_of
-from flowlik.datasets.mask_file import read_mask
-from flowlik.datasets.wrapped import Wrapped
 from flowlik.errors import DataError
 
 
@@ -60,7 +60,7 @@ def masked(sequence: ImageSequence, path: Path | str | None) -> ImageSequence:
     sequence : ImageSequence
         As `flowlik.open_sequence` opens it.
     path : Path or str, optional
-        Mask file, see `flowlik.datasets.mask_file.read_mask`; without one the sequence stays as it is.
+        Mask file, see `flowlik.datasets._mask_file.read_mask`; without one the sequence stays as it is.
 
     Raises
     ------

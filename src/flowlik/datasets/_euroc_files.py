@@ -6,8 +6,8 @@ from pathlib import Path
 
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.datasets.camera_content import numbers_of, parse_mappings
-from flowlik.datasets.poses import rigid_transform
+from flowlik.datasets._camera_content import numbers_of, parse_mappings
+from flowlik.datasets._poses import rigid_transform
 from flowlik.errors import DataError
 from flowlik.support.files import read_text
 

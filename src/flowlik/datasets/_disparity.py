@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.datasets.base import MAX_PIXELS
-from flowlik.datasets.pfm import read_pfm
+from flowlik.datasets._images import MAX_PIXELS
+from flowlik.datasets._pfm import read_pfm
 from flowlik.errors import DataError
 
 Array = NDArray[np.float64]

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from flowlik.datasets._camera_file import read_camera
+from flowlik.datasets._euroc_files import read_T_b_c
+from flowlik.datasets._frames import FrameFiles
+from flowlik.datasets._timed import TimedFiles, left_out, timed_files
 from flowlik.datasets.base import frame_index, lacks
-from flowlik.datasets.camera_file import read_camera
-from flowlik.datasets.euroc_files import read_T_b_c
-from flowlik.datasets.frames import FrameFiles
 from flowlik.datasets.intrinsics import GivenCamera
-from flowlik.datasets.timed import TimedFiles, left_out, timed_files
 from flowlik.errors import DataError
 from flowlik.geometry.pose_table import nanoseconds, read_euroc_poses
 from flowlik.geometry.times import nearest

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.datasets.camera_formats import Cameras
-from flowlik.datasets.camera_model import camera_matrix, make_lens, matrix_lens
-from flowlik.datasets.lens import Lens
+from flowlik.datasets._camera_formats import Cameras
+from flowlik.datasets._camera_model import camera_matrix, make_lens, matrix_lens
+from flowlik.datasets._lens import Lens
 from flowlik.errors import DataError
 from flowlik.support.files import numbers, read_text
 

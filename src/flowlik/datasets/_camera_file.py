@@ -6,10 +6,10 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from flowlik.datasets.camera_content import parse_mappings
-from flowlik.datasets.camera_formats import KNOWN, Cameras, cameras_in
-from flowlik.datasets.camera_text import text_cameras
-from flowlik.datasets.lens import Lens
+from flowlik.datasets._camera_content import parse_mappings
+from flowlik.datasets._camera_formats import KNOWN, Cameras, cameras_in
+from flowlik.datasets._camera_text import text_cameras
+from flowlik.datasets._lens import Lens
 from flowlik.errors import DataError
 from flowlik.support.files import read_text
 

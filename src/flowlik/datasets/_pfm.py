@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.datasets.base import MAX_PIXELS
+from flowlik.datasets._images import MAX_PIXELS
 from flowlik.errors import DataError
 
 _HEADER = re.compile(rb"P([Ff])\s+(\d{1,9})\s+(\d{1,9})\s+(-?\d[0-9.eE+-]{0,30})\s")

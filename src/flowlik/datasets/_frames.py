@@ -11,17 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.datasets.base import (
-    decode_image,
-    frame_index,
-    is_visible,
-    lacks,
-    motion_to_next,
-    of_size,
-    read_grey,
-    true_flow,
-    visibility_next,
-)
+from flowlik.datasets._images import decode_image, of_size, read_grey
+from flowlik.datasets.base import frame_index, lacks
+from flowlik.datasets.next_frame import is_visible, motion_to_next, true_flow, visibility_next
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 

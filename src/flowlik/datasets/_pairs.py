@@ -9,9 +9,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.datasets.base import PairSequence, frame_index, lacks, of_size, read_grey
+from flowlik.datasets._frames import Lacking
+from flowlik.datasets._images import of_size, read_grey
+from flowlik.datasets.base import PairSequence, frame_index, lacks
 from flowlik.datasets.flow_files import read_flow
-from flowlik.datasets.frames import Lacking
 from flowlik.errors import DataError
 
 

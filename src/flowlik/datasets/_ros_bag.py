@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.datasets.base import frame_index, lacks, of_size
-from flowlik.datasets.camera_model import matrix_lens
-from flowlik.datasets.frames import Lacking
+from flowlik.datasets._camera_model import matrix_lens
+from flowlik.datasets._frames import Lacking
+from flowlik.datasets._images import of_size
+from flowlik.datasets._lens import Lens
+from flowlik.datasets._ros_images import COMPRESSED, IMAGE, largest_value, to_depth, to_grey
+from flowlik.datasets.base import frame_index, lacks
 from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_lens
-from flowlik.datasets.lens import Lens
-from flowlik.datasets.ros_images import COMPRESSED, IMAGE, largest_value, to_depth, to_grey
 from flowlik.datasets.ros_topic import TopicIndex, bag_reader, guarded, index_topic, opened
 from flowlik.errors import DataError
 from flowlik.geometry.times import check_times, mutual

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
+from flowlik.datasets._camera_model import matrix_lens
+from flowlik.datasets._frames import DepthFrames, read_depth
+from flowlik.datasets._lens import Lens
+from flowlik.datasets._numbering import numbered
+from flowlik.datasets._poses import rigid_transform
 from flowlik.datasets.base import frame_index
-from flowlik.datasets.camera_model import matrix_lens
-from flowlik.datasets.frames import DepthFrames, read_depth
 from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_lens
-from flowlik.datasets.lens import Lens
-from flowlik.datasets.numbering import numbered
-from flowlik.datasets.poses import rigid_transform
 from flowlik.errors import DataError
 from flowlik.support.files import printable, read_table
 

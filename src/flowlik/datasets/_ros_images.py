@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.datasets.base import MAX_PIXELS, decode_bytes
+from flowlik.datasets._images import MAX_PIXELS, decode_bytes
 from flowlik.errors import DataError
 from flowlik.support.arrays import Array
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from flowlik.datasets.lens import Lens
-from flowlik.datasets.lens_models import BrownConrady, DoubleSphere, KannalaBrandt, LensModel
+from flowlik.datasets._lens import Lens
+from flowlik.datasets._lens_models import BrownConrady, DoubleSphere, KannalaBrandt, LensModel
 from flowlik.errors import DataError
 from flowlik.support.arrays import Array
 

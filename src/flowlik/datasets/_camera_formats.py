@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from flowlik.datasets.camera_content import number_of, numbers_of
-from flowlik.datasets.camera_model import camera_matrix, make_lens
-from flowlik.datasets.lens import Lens
+from flowlik.datasets._camera_content import number_of, numbers_of
+from flowlik.datasets._camera_model import camera_matrix, make_lens
+from flowlik.datasets._lens import Lens
 from flowlik.errors import DataError
 from flowlik.support.arrays import Array
 

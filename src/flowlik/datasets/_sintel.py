@@ -8,10 +8,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.datasets.base import decode_image, frame_index, lacks, of_size
+from flowlik.datasets._frames import FrameFiles
+from flowlik.datasets._images import decode_image, of_size
+from flowlik.datasets._numbering import numbered
+from flowlik.datasets.base import frame_index, lacks
 from flowlik.datasets.flow_files import read_flow
-from flowlik.datasets.frames import FrameFiles
-from flowlik.datasets.numbering import numbered
 from flowlik.errors import DataError
 from flowlik.support.files import printable
 

@@ -35,13 +35,13 @@ class LensModel(Protocol):
     """
 
     @property
-    def bends(self) -> bool: ...  # noqa: D102
+    def bends(self) -> bool: ...
 
     @property
-    def magnification(self) -> float: ...  # noqa: D102
+    def magnification(self) -> float: ...
 
     @property
-    def limit(self) -> float: ...  # noqa: D102
+    def limit(self) -> float: ...
 
     def radius(self, r: Array) -> Array:
         """Distance (N,) from the axis at which true points at distance r (N,) are seen, by symmetry."""

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.datasets.lens_models import BrownConrady, LensModel, true_points
+from flowlik.datasets._lens_models import BrownConrady, LensModel, true_points
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.image.sampling import sample_flow

@@ -1,4 +1,4 @@
-"""TartanAir V1 and V2: one camera of one trajectory, and the conversions of its file formats."""
+"""The left camera of one trajectory of TartanAir V1 or V2."""
 
 from __future__ import annotations
 
@@ -10,20 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.datasets.base import (
+from flowlik.datasets._images import decode_image, read_grey
+from flowlik.datasets._numbering import numbered
+from flowlik.datasets.base import frame_index, lacks
+from flowlik.datasets.next_frame import (
     Movers,
-    decode_image,
-    frame_index,
     is_visible,
-    lacks,
     motion_to_next,
     mover_motions,
-    read_grey,
     true_flow,
     visibility_next,
 )
-from flowlik.datasets.numbering import numbered
-from flowlik.datasets.tartanair_files import (
+from flowlik.datasets.tartanair._files import (
     LAYOUTS,
     decode_depth,
     read_camera,
@@ -185,7 +183,7 @@ class TartanAir:
         return self._movers is not None
 
     def visibility(self, k: int) -> NDArray[np.uint8]:
-        """Return what becomes of each pixel (H, W) in frame k + 1, a `flowlik.datasets.base.Visibility`.
+        """Return what becomes of each pixel (H, W) in frame k + 1, a `Visibility`.
 
         Needs the depth of both frames.
 
