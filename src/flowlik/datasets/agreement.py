@@ -184,7 +184,7 @@ def _explained(sequence: ImageSequence, k: int) -> dict[str, float]:
     previous, current, usable = sequence.image(k), sequence.image(k + 1), mask_of(sequence, k)
     if flow is not None:
         return _compared(previous, current, flow, usable)
-    known = None if depth is None else even(np.where(depth > 0, 1 / depth, np.nan)[..., None], SAME_SURFACE)
+    known = None if depth is None else even(1 / np.where(depth > 0, depth, np.nan)[..., None], SAME_SURFACE)
     tracks = track(previous, current, usable, known)
     found = {"moved": in_common(tracks.flow, tracks.cells)}
     if depth is None:
