@@ -1,4 +1,4 @@
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -333,3 +333,57 @@ def test_features_are_corners_or_stratified_pixels():
     corners = method.measure(previous, previous)[0]
     np.testing.assert_array_equal(sparse.pixels, method.anchors(derivatives(previous), corners))
     assert (features_of(Farneback()), features_of(LucasKanade())) == ("stratified-4000", "corners")
+
+
+class Scripted:
+    """Estimator that says what it is given."""
+
+    likelihood = ransac().likelihood
+
+    def __init__(self, *motions):
+        self.motions = iter(motions)
+
+    def estimate(self, residual, seed, start=None):
+        return next(self.motions)
+
+
+def turned_only(T):
+    unknown = np.diag([1e-8, 1e-8, 1e-8, np.nan, np.nan, np.nan])
+    T = RigidTransform.from_rotation(T.rotation)
+    return EgoMotion(T, np.zeros((6, 6)), unknown, Status.DEGENERATE, "a rotation", scale_known=False)
+
+
+def test_a_rotation_without_parallax_is_kept_with_a_translation_as_uncertain_as_long():
+    solved = EgoMotion(MOTIONS[0], np.eye(6), 1e-6 * np.eye(6), Status.SOLVED)
+    odometry = Odometry(CAMERA, ExactFlow(), Scripted(solved, turned_only(MOTIONS[2])))
+    _, _, kept = [odometry.step(frame(k), k, DEPTH) for k in range(3)]
+    assert (kept.predicted, kept.status) == (False, Status.DEGENERATE)
+    np.testing.assert_array_equal(kept.T_k_prev.rotation.as_matrix(), MOTIONS[2].rotation.as_matrix())
+    np.testing.assert_allclose(kept.T_k_prev.translation, MOTIONS[0].translation)
+    length = np.linalg.norm(MOTIONS[0].translation)
+    np.testing.assert_allclose(kept.covariance, np.diag([1e-8] * 3 + [length**2] * 3))
+
+
+def test_a_run_may_begin_with_turns_alone():
+    odometry = Odometry(CAMERA, ExactFlow(), Scripted(*(turned_only(T) for T in MOTIONS[:2])))
+    motions = [odometry.step(frame(k), k) for k in range(3)][1:]
+    for motion, T in zip(motions, MOTIONS):
+        np.testing.assert_array_equal(motion.T_k_prev.rotation.as_matrix(), T.rotation.as_matrix())
+        # without a scale a step is of length 1
+        np.testing.assert_allclose(motion.covariance, np.diag([1e-8] * 3 + [1.0] * 3))
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_of_two_motions_the_one_nearer_to_the_last_goes_on(swapped):
+    solved = EgoMotion(MOTIONS[0], np.eye(6), 1e-6 * np.eye(6), Status.SOLVED)
+    near, far = (
+        EgoMotion(T, np.eye(6), 1e-6 * np.eye(6), Status.AMBIGUOUS, "a plane")
+        for T in (MOTIONS[0], MOTIONS[0].inv())
+    )
+    first, second = (far, near) if swapped else (near, far)
+    odometry = Odometry(CAMERA, ExactFlow(), Scripted(solved, replace(first, alternative=second)))
+    _, _, motion = [odometry.step(frame(k), k, DEPTH) for k in range(3)]
+    assert (motion.status, motion.predicted) == (Status.AMBIGUOUS, False)
+    assert motion.T_k_prev is near.T_k_prev
+    assert motion.alternative.T_k_prev is far.T_k_prev
+    assert motion.alternative.alternative is None

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.egomotion import EgoMotion, Status
 from flowlik.errors import DataError
@@ -100,3 +100,16 @@ def test_identity_moves_nothing():
     motion = EgoMotion(RigidTransform.identity(), np.eye(6), np.diag(SIGMA**2), Status.SOLVED)
     covariance = trajectory_covariance(np.arange(4.0), [motion] * 3)
     np.testing.assert_allclose(covariance.poses[-1], 3 * np.diag(SIGMA**2))
+
+
+def test_the_covariance_of_an_ambiguous_motion_covers_its_alternative():
+    other = RigidTransform.from_components([0.3, 0.0, 0.1], Rotation.from_rotvec([0.0, 0.02, 0.0]))
+    small = 1e-8 * np.eye(6)
+    second = EgoMotion(other, np.zeros((6, 6)), small, Status.AMBIGUOUS, "a plane")
+    first = EgoMotion(
+        RigidTransform.identity(), np.zeros((6, 6)), small, Status.AMBIGUOUS, "a plane", alternative=second
+    )
+    found = trajectory_covariance(np.array([0.0, 1.0]), [first])
+    step = other.as_exp_coords()
+    for C in (found.motions[1], found.poses[1]):
+        assert step @ np.linalg.solve(C, step) <= 1.0 + 1e-6

@@ -99,6 +99,14 @@ class EgoMotion:
         return self.status in (Status.SOLVED, Status.STILL)
 
     @property
+    def covering(self) -> Array:
+        """Covariance (6, 6) that covers the alternative too, for what cannot ask for the status."""
+        if self.alternative is None:
+            return self.covariance
+        step = (self.alternative.T_k_prev * self.T_k_prev.inv()).as_exp_coords()
+        return np.asarray(self.covariance + np.outer(step, step))
+
+    @property
     def rotation_alone(self) -> bool:
         """Whether the images told the rotation and nothing of the translation."""
         told = np.isfinite(np.diag(self.covariance))

@@ -36,6 +36,7 @@ class TrajectoryCovariance:
         translation [m]) in the camera of frame k. Zero at the first frame, which is the world.
     motions : array (N, 6, 6)
         Of the left perturbation of each motion, ``exp(xi) T_k_prev``, in the same camera; zero at the first.
+        That of an ambiguous motion covers its alternative.
     """
 
     timestamps: Array
@@ -68,14 +69,14 @@ def trajectory_covariance(timestamps: Array, motions: Sequence[EgoMotion]) -> Tr
     poses, steps = [np.zeros((6, 6))], [np.zeros((6, 6))]
     for motion in motions:
         poses.append(chained(poses[-1], motion))
-        steps.append(motion.covariance)
+        steps.append(motion.covering)
     return TrajectoryCovariance(np.asarray(timestamps, np.float64), np.array(poses), np.array(steps))
 
 
 def chained(covariance: Array, motion: EgoMotion) -> Array:
     """Covariance (6, 6) of the pose after a motion, from that of the pose before it."""
     Ad = adjoint(motion.T_k_prev)
-    total = Ad @ covariance @ Ad.T + motion.covariance
+    total = Ad @ covariance @ Ad.T + motion.covering
     return np.asarray((total + total.T) / 2)
 
 
