@@ -133,13 +133,20 @@ def subpixel_variability(flow: Array, directions: Array, J: Array, information: 
     """
     keys = np.floor(flow / SUBPIXEL_CELL_PX) @ [1 << 20, 1]
     _, cell = np.unique(keys, return_inverse=True)
-    cell = np.repeat(cell, len(directions) // len(flow))
-    B = np.zeros((6, 6))
-    for axis in directions.T:
-        pull = (information * axis)[:, None] * J
-        whole = np.stack([np.bincount(cell, column) for column in pull.T], axis=1)
-        B += SUBPIXEL_BIAS_PX**2 * whole.T @ whole
-    return B
+    pulls = _pulls(cell, directions, J, information).reshape(-1, 6)
+    return SUBPIXEL_BIAS_PX**2 * pulls.T @ pulls
+
+
+@njit(cache=True, nogil=True)
+def _pulls(cell, directions, J, information):  # type: ignore[no-untyped-def]
+    """Sums (cells, 2, 6) over each cell's components of information times direction times Jacobian."""
+    pulls, each = np.zeros((cell.max() + 1, 2, 6)), len(directions) // len(cell)
+    for c in range(len(directions)):
+        for axis in range(2):
+            pull = information[c] * directions[c, axis]
+            for j in range(6):
+                pulls[cell[c // each], axis, j] += pull * J[c, j]
+    return pulls
 
 
 @njit(cache=True, nogil=True)

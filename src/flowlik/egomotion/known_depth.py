@@ -13,7 +13,7 @@ from flowlik.egomotion.residual import Bound, Chosen, Equations, InliersOf, Line
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.image.depth import check_depth_z
-from flowlik.image.sampling import sample_inverse_depth
+from flowlik.image.sampling import inverse_depth_at
 from flowlik.likelihood.schedule import Index
 from flowlik.measurement.measurements import Measurements
 from flowlik.support.arrays import Array
@@ -53,7 +53,7 @@ class KnownDepth:
         if depth_z.ndim == 2:
             if depth_z.shape != (camera.height, camera.width):
                 raise DataError(f"depth map of {depth_z.shape[1]}x{depth_z.shape[0]} for a camera of {size}")
-            inverse_z = sample_inverse_depth(depth_z, measurements.pixels)
+            inverse_z = inverse_depth_at(depth_z, measurements.pixels)
         elif depth_z.shape != (len(measurements),):
             raise DataError(f"{len(measurements)} measurements, but depths of shape {depth_z.shape}")
         else:

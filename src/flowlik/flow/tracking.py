@@ -18,7 +18,7 @@ from flowlik.flow.base import Image, inside_image
 from flowlik.support.arrays import Array
 from flowlik.support.threads import in_bands
 
-PATCHES = 250
+PATCHES = 600
 
 
 @dataclass(frozen=True, eq=False)

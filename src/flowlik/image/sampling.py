@@ -25,6 +25,11 @@ def sample_inverse_depth(depth: Array, pixels: Array) -> Array:
         If depth is not in floats.
     """
     check_depth_z(depth)
+    return inverse_depth_at(depth, pixels)
+
+
+def inverse_depth_at(depth: Array, pixels: Array) -> Array:
+    """`sample_inverse_depth` of a map that has been checked."""
     sampled: Array = _kernels.inverse_surface(np.asarray(depth), _positions(pixels), SAME_SURFACE)
     return sampled
 
