@@ -7,11 +7,8 @@ from flowlik.calibration._correlation import ScoreProducts, fit_correlation
 from flowlik.egomotion import KnownDepth, lcmsac, mle
 from flowlik.egomotion.covariance import (
     SPACING,
-    SUBPIXEL_BIAS_PX,
-    SUBPIXEL_CELL_PX,
     score_covariance,
     smoothed_products,
-    subpixel_variability,
 )
 from flowlik.errors import ModelError
 from flowlik.geometry.motion import h, inverse_range
@@ -272,22 +269,3 @@ def test_emphasis_weighs_components_and_its_covariance_knows():
             assert step @ result.information @ step < 1e-4
     # 6 if honest, of standard deviation 3.5 / sqrt(60)
     assert 4.6 < np.mean(distances) < 7.4
-
-
-@pytest.mark.parametrize("components", [1, 2])
-def test_vectors_of_the_same_flow_are_pulled_together(components):
-    rng = np.random.default_rng(3)
-    flow = rng.choice([0.3, 2.7, -1.2], (200, 2)) + rng.uniform(0, 0.1, (200, 2)) * SUBPIXEL_CELL_PX
-    J = rng.normal(size=(200 * components, 6))
-    directions, information = rng.normal(size=(200 * components, 2)), rng.uniform(0, 5, 200 * components)
-    owner = np.repeat(np.arange(200), components)
-    cells = [tuple(cell) for cell in np.floor(flow / SUBPIXEL_CELL_PX)]
-    expected = np.zeros((6, 6))
-    for cell in set(cells):
-        inside = np.array([cells[i] == cell for i in owner])
-        for axis in (0, 1):
-            pull = ((information * directions[:, axis])[:, None] * J)[inside].sum(axis=0)
-            expected += SUBPIXEL_BIAS_PX**2 * np.outer(pull, pull)
-    assert len(set(cells)) < 20
-    found = subpixel_variability(flow, directions, J, information)
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())

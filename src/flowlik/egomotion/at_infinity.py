@@ -17,6 +17,8 @@ from flowlik.support.arrays import Array
 
 ROTATION = np.eye(6)[:, :3]
 ROTATION.setflags(write=False)
+# parallax of so many bounds is not seen, and turns the rotation that explains the flow alone
+HIDDEN_BOUNDS = 0.5
 # how many times as wide errors are taken to be for a rough rotation, and its steps
 ROUGH, ROUGH_STEPS = 8.0, 3
 
@@ -56,3 +58,9 @@ def nearest_rotation(problem: Problem, T: Array) -> Explanation:
     start = np.column_stack([T[:, :3], np.zeros(3)])
     errors, log_prob = refine(problem, anneal(problem, start))
     return Explanation(problem.look(errors), log_prob)
+
+
+def hidden_parallax_px(problem: Problem, view: View) -> float:
+    """Parallax [px] that hides in errors: a share of the median bound of what is known well."""
+    bounds = view.bounds[view.used]
+    return HIDDEN_BOUNDS * float(np.median(np.minimum(bounds, problem.widest_px)))

@@ -14,9 +14,10 @@ from flowlik.support.arrays import Array
 # two cubic B-splines on a grid of this spacing, in units of the scale, overlap like a Gaussian of it
 SPACING = float(np.sqrt(1.5))
 LEAST_CURVATURE = 0.05
-# bias [px] that vectors of the same fraction of a pixel share: images are interpolated alike
-# (Schreier, Braasch and Sutton 2000)
-SUBPIXEL_BIAS_PX = 0.01
+# bias [px] that vectors of the same fraction of a pixel share, by flow method: images are interpolated alike
+# (Schreier, Braasch and Sutton 2000); measured on planes of exact truth (docs/notebook/egomotion.md)
+SUBPIXEL_BIAS_PX = {"dis": 0.03}
+OTHER_SUBPIXEL_BIAS_PX = 0.01
 # flows within a cell of this size [px] have the same fraction
 SUBPIXEL_CELL_PX = 0.5
 
@@ -116,7 +117,7 @@ def score_covariance(
     return B
 
 
-def subpixel_variability(flow: Array, directions: Array, J: Array, information: Array) -> Array:
+def subpixel_variability(m: Measurements, directions: Array, J: Array, information: Array) -> Array:
     """Covariance (6, 6) of the total score from the bias that vectors of the same flow share.
 
     It averages out where flow varies over the image. Where all of it is alike, as of a distant camera's pan
@@ -124,17 +125,24 @@ def subpixel_variability(flow: Array, directions: Array, J: Array, information: 
 
     Parameters
     ----------
-    flow : array (N, 2)
-        Flow vectors [px].
+    m : Measurements
+        Flow vectors (N,).
     directions, J : array (C, 2), (C, 6)
         As of `score_covariance`.
     information : array (C,)
         By how much a component's score changes with its error [1/px^2].
     """
-    keys = np.floor(flow / SUBPIXEL_CELL_PX) @ [1 << 20, 1]
+    keys = np.floor(m.flow / SUBPIXEL_CELL_PX) @ [1 << 20, 1]
     _, cell = np.unique(keys, return_inverse=True)
     pulls = _pulls(cell, directions, J, information).reshape(-1, 6)
-    return SUBPIXEL_BIAS_PX**2 * pulls.T @ pulls
+    return SUBPIXEL_BIAS_PX.get(m.method["name"], OTHER_SUBPIXEL_BIAS_PX) ** 2 * pulls.T @ pulls
+
+
+def common_variability(bias_px: float, directions: Array, J: Array, information: Array) -> Array:
+    """Covariance (6, 6) of the total score from a bias [px] that all of an image shares, else as above."""
+    one = np.zeros(1, np.intp)
+    pulls = _pulls(one, directions, J, information).reshape(-1, 6)
+    return bias_px**2 * pulls.T @ pulls
 
 
 @njit(cache=True, nogil=True)

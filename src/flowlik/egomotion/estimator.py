@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.egomotion.at_infinity import at_infinity
+from flowlik.egomotion.at_infinity import at_infinity, hidden_parallax_px
 from flowlik.egomotion.consensus import consensus
 from flowlik.egomotion.inlier_rules import ByComponent, InlierRule
 from flowlik.egomotion.maximise import maximise, refine, transform
@@ -147,7 +147,8 @@ class Estimator:
         if verdict.rotation is not None:
             far, rotation = at_infinity(problem), verdict.rotation
             told = Verdict(verdict.status, verdict.reason)
-            turned = self._result(far, rotation, score_moments(far, rotation.view), told, drawn)
+            moments = score_moments(far, rotation.view, hidden_parallax_px(far, rotation.view))
+            turned = self._result(far, rotation, moments, told, drawn)
             open_translation = np.where(np.arange(6) < 3, 0.0, np.nan)
             unknown = np.add.outer(open_translation, open_translation)
             return replace(turned, covariance=turned.covariance + unknown, scale_known=False)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flowlik.egomotion.covariance import (
+    common_variability,
     observed_sensitivity,
     sandwich,
     score_covariance,
@@ -72,8 +73,11 @@ def determines(information: Array, basis: Array) -> bool:
     return bool(eigenvalues[0] > LEAST_RECIPROCAL_CONDITION * eigenvalues[-1])
 
 
-def score_moments(problem: Problem, view: View) -> Moments:
-    """Moments at a motion. Without a correlation of scores they are those of independent ones."""
+def score_moments(problem: Problem, view: View, common_bias_px: float = 0.0) -> Moments:
+    """Moments at a motion. Without a correlation of scores they are those of independent ones.
+
+    A bias [px] that the whole image may share comes to their variability.
+    """
     J, x, directions = view.errors.J, view.errors.x, view.errors.directions
     fisher, weight = problem.information(view), problem.weighting.weight(x)
     A = J.T @ ((weight * fisher)[:, None] * J)
@@ -83,7 +87,8 @@ def score_moments(problem: Problem, view: View) -> Moments:
         return Moments(A, J.T @ (variance[:, None] * J), A)
     m = problem.residual.measurements
     B = score_covariance(m, directions, J, variance, correlation)
-    B += subpixel_variability(m.flow, directions, J, weight * fisher)
+    B += subpixel_variability(m, directions, J, weight * fisher)
+    B += common_variability(common_bias_px, directions, J, weight * fisher)
     return Moments(A, B, _sensitivity(problem, view, A, B) if determines(A, view.errors.basis) else A)
 
 

@@ -90,7 +90,13 @@ class LucasKanade(Windowed, TwoWay):
         return detect_corners(previous)
 
     def both_ways(self, previous: Image, current: Image) -> tuple[FlowAt, FlowAt]:
-        """Flow as functions of pixels, there and back; our own solver's share the images' pyramids."""
+        """Flow as functions of pixels, there and back; our own solver's share the images' pyramids.
+
+        Raises
+        ------
+        DataError
+            If the images are not grey uint8 or differ in size.
+        """
         if self.solver == "opencv":
             return partial(self.measure_at, previous, current), partial(self.measure_at, current, previous)
         check_pair(previous, current)
