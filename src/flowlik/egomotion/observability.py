@@ -28,15 +28,16 @@ KNOWN_PX = 2.0
 LEAST_KNOWN, LEAST_KNOWN_SHARE = 2, 0.1
 # a rotation that explains so large a share of what the motion explains leaves no parallax
 ROTATION_SHARE = 0.75
+# and one found in a few steps must explain this share to be looked at closely
 ROUGH_SHARE = 0.4
-# unless so large a share of what is left is that of points in front of the camera: as large as errors allow
+# unless so large a share of the parallax left is of points in front of the camera: as large as errors allow
 IN_FRONT_SHARE = 0.9
+# where less is in front, nothing tells on which side the points are
+LEAST_IN_FRONT_SHARE = 0.25
 # two motions of which one is worse by fewer standard deviations cannot be told apart
 TOLD_APART = 3.0
 # two motions with no deeper valley between them, in the same unit, are one
 VALLEY = 2.5
-# where less of it is, nothing tells on which side the points are
-LEAST_IN_FRONT_SHARE = 0.25
 
 
 @dataclass(frozen=True)
