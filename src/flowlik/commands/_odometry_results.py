@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.commands.options import OdometryOptions
 from flowlik.datasets.base import notes_of
 from flowlik.datasets.selection import Selection, Skipped
-from flowlik.egomotion import EgoMotion
+from flowlik.egomotion import EgoMotion, Status
 from flowlik.evaluation.likelihood import outside_warning
 from flowlik.evaluation.motion import (
     Agreement,
@@ -91,11 +91,29 @@ def report_odometry(run: RunFolder, flown: Flown, options: OdometryOptions, skip
         run.warn(message)
     for note in [*notes_of(flown.sequence), *_bag_notes(flown, options)]:
         run.warn(note)
-    if predicted := sum(motion.predicted for motion in flown.motions):
-        run.warn(
-            f"{name}: {predicted} of {len(flown.motions)} frames could not be solved and were predicted "
-            "from the motions before them; frames.csv says which and why"
+    for note in _told_in_part(flown.motions):
+        run.warn(f"{name}: {note}")
+
+
+def _told_in_part(motions: list[EgoMotion]) -> list[str]:
+    """What the images did not tell, a sentence each."""
+    of, notes = f"of {len(motions)} frames", []
+    if predicted := sum(motion.predicted for motion in motions):
+        notes.append(
+            f"{predicted} {of} could not be solved and were predicted from the motions before them; "
+            "frames.csv says which and why"
         )
+    if turned := sum(m.status is Status.DEGENERATE and not m.predicted for m in motions):
+        notes.append(
+            f"{turned} {of} told their rotation alone; the translation is that of the motion before, "
+            "as uncertain as it is long"
+        )
+    if planes := sum(motion.alternative is not None for motion in motions):
+        notes.append(
+            f"{planes} {of} show one plane, whose flow two motions explain; "
+            "the one nearer to the motion before was taken"
+        )
+    return notes
 
 
 def _bag_notes(flown: Flown, options: OdometryOptions) -> list[str]:
