@@ -18,5 +18,5 @@ def test_each_kind_has_a_sentence_with_its_count():
     predicted, rotations, planes = _told_in_part([SOLVED, turned, turned, lost, plane, plane, plane])
     assert predicted.startswith("1 of 7 frames could not be solved and were predicted")
     assert rotations.startswith("2 of 7 frames told their rotation alone")
-    assert planes.startswith("3 of 7 frames show one plane")
+    assert planes.startswith("3 of 7 frames have two motions")
     assert _told_in_part([SOLVED]) == []

@@ -110,7 +110,7 @@ def _told_in_part(motions: list[EgoMotion]) -> list[str]:
         )
     if planes := sum(motion.alternative is not None for motion in motions):
         notes.append(
-            f"{planes} {of} show one plane, whose flow two motions explain; "
+            f"{planes} {of} have two motions that explain their flow (a plane, a vehicle, a rail); "
             "the one nearer to the motion before was taken"
         )
     return notes

@@ -98,6 +98,10 @@ class Epipolar:
             scores.append(equations_of(z, J, observable(T), within).b)
         return np.array(scores)
 
+    def select(self, which: NDArray[np.bool_]) -> Epipolar:
+        """Return the residual of some of the vectors (N,)."""
+        return Epipolar(self.measurements.select(which), self.camera, self.excluded)
+
     def retract(self, T: Array, step: Array) -> Array:
         """Motion after a step (6,), with a translation of unit length."""
         moved = _kernels.retract(T, step)

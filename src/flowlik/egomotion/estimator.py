@@ -19,6 +19,7 @@ from flowlik.egomotion.posterior import GaussianPrior
 from flowlik.egomotion.problem import Explanation, Problem
 from flowlik.egomotion.residual import Residual
 from flowlik.egomotion.result import EgoMotion, Status, unsolved
+from flowlik.egomotion.second_consensus import second_consensus
 from flowlik.errors import DataError
 from flowlik.likelihood.likelihood import FlowLikelihood
 
@@ -114,8 +115,10 @@ class Estimator:
             T, log_prob = maximise(problem, best.view.errors, entering, prior=belief)
             best = Explanation(problem.at(T, best.view.used), log_prob)
             moments = moments.with_prior(belief)
+        # ask what is left over
+        other = second_consensus(problem, best.view, rng, self.most_hypotheses, self.success)
         # judge
-        verdict = judged(problem, best.view, moments, twin)
+        verdict = judged(problem, best.view, moments, twin, other)
         return self._result(problem, best, moments, verdict, found.drawn)
 
     def problem(self, residual: Residual) -> Problem:

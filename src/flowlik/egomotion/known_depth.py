@@ -116,6 +116,10 @@ class KnownDepth:
         )
         return scores
 
+    def select(self, which: NDArray[np.bool_]) -> KnownDepth:
+        """Return the residual of some of the vectors (N,)."""
+        return type(self)(self.measurements.select(which), self.camera, self.rho[which], self.excluded)
+
     def retract(self, T: Array, step: Array) -> Array:
         """Motion after a step (6,)."""
         return np.asarray(_kernels.retract(T, step))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flowlik.egomotion.at_infinity import at_infinity, nearest_rotation, roughly
 from flowlik.egomotion.covariance import temperature
@@ -26,6 +27,8 @@ INFORMATIVE_PX = 1.0
 # of all components; where images have nothing in common there are hardly any
 KNOWN_PX = 2.0
 LEAST_KNOWN, LEAST_KNOWN_SHARE = 2, 0.1
+# an image without any texture [intensity^2/px^2], not even of noise, is none of the scene
+LEAST_TEXTURE = 1e-2
 # a rotation that explains so large a share of what the motion explains leaves no parallax
 ROTATION_SHARE = 0.75
 # and one found in a few steps must explain this share to be looked at closely
@@ -80,13 +83,22 @@ def too_little(problem: Problem) -> tuple[Status, str] | None:
     if length.max() < FROZEN_PX:
         return Status.DEGENERATE, "the two images are the same: frozen, repeated, or still and without noise"
     # with known depth a standstill is a motion like any other
-    if not problem.residual.metric and np.median(length) < STILL_PX:
+    if not problem.residual.metric and np.median(length[_known(problem)]) < STILL_PX:
         return Status.STILL, "the flow is zero"
     return None
 
 
-def judged(problem: Problem, view: View, moments: Moments, twin: Twin | None) -> Verdict:
-    """Say what a motion that was found is worth, beside the other of a plane if there is one.
+def _known(problem: Problem) -> NDArray[np.bool_]:
+    """Vectors (N,) whose stronger component is known well, or all where hardly any is."""
+    bounds = problem.bound(problem.residual.sampling.coordinates(problem.index)).min(axis=1)
+    known = bounds <= KNOWN_PX
+    return known if known.sum() > LEAST_KNOWN_SHARE * len(known) else np.ones(len(known), bool)
+
+
+def judged(
+    problem: Problem, view: View, moments: Moments, twin: Twin | None, other: Explanation | None
+) -> Verdict:
+    """Say what a motion that was found is worth, beside a plane's other or one of what it leaves over.
 
     A frame that tells nothing has inliers too, those of wide bounds: near any motion at all they are no
     witness of one. A minimal sample explains itself: so many narrow inliers are needed besides.
@@ -94,11 +106,16 @@ def judged(problem: Problem, view: View, moments: Moments, twin: Twin | None) ->
     if not determines(moments.information, view.errors.basis):
         reason = "the measurements do not determine every direction of the motion"
         return Verdict(Status.DEGENERATE, reason)
-    witnesses = int((view.inliers & (view.bounds <= KNOWN_PX)).sum())
+    textured = problem.residual.measurements.t[:, 0] > LEAST_TEXTURE
+    known = (view.bounds <= KNOWN_PX) & np.repeat(textured, len(view.bounds) // len(textured))
+    witnesses = int((view.inliers & known).sum())
     components = int(problem.components.sum())
     if witnesses < max(LEAST_KNOWN * view.errors.basis.shape[1], LEAST_KNOWN_SHARE * components):
         reason = f"{witnesses} of {components} components agree and are known to {KNOWN_PX:g} px: hardly any"
         return Verdict(Status.DEGENERATE, reason)
+    if other is not None:
+        reason = "two motions, of many vectors each: which is the camera's, one image pair does not tell"
+        return Verdict(Status.AMBIGUOUS, reason, alternative=other)
     if not isinstance(problem.residual, Epipolar):
         return Verdict()
     if (rotation := _rotation_alone(problem, view)) is not None:

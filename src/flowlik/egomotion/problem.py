@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -111,6 +111,10 @@ class Problem:
             used = narrow if narrow.sum() >= self.enough else self.components
         inliers = self.rule.inliers(errors.z, widened * bounds, used, self.vectors)
         return View(errors, bounds, used, inliers)
+
+    def among(self, which: NDArray[np.bool_]) -> Problem:
+        """Return the problem of some of the vectors (N,)."""
+        return replace(self, residual=self.residual.select(which))
 
     def chosen(self, x: Array, used: NDArray[np.bool_]) -> Chosen:
         """Components at coordinates x (C,) for a maximisation over `used`."""

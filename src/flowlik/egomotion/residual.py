@@ -147,6 +147,10 @@ class Residual(Protocol):
         """Gradients (K, 6) at motions (K, 3, 4) of the log-density of the chosen within bounds (C,) [px]."""
         ...
 
+    def select(self, which: NDArray[np.bool_]) -> Residual:
+        """Return the residual of some of the vectors (N,)."""
+        ...
+
     def retract(self, T: Array, step: Array) -> Array:
         """Motion after a step (6,) along the tangent, what is unobservable set by convention."""
         ...

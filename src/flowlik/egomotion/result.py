@@ -71,7 +71,8 @@ class EgoMotion:
         the likelihood knows the correlation of scores, else `information`. None where nothing was
         estimated, or the length was told afterwards.
     alternative : EgoMotion or None
-        Of an AMBIGUOUS motion the other one, where it is known: a plane's second motion.
+        Of an AMBIGUOUS motion the other one, where it is known: a plane's second motion, or that of many
+        vectors that this leaves over.
     """
 
     T_k_prev: RigidTransform

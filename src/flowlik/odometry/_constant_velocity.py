@@ -45,17 +45,17 @@ class ConstantVelocity:
         """Return the model after a frame that told its rotation alone: of translations it learns nothing."""
         return replace(self, last=T_k_prev, covariance=covariance, missed=0)
 
-    def nearer(self, first: RigidTransform, second: RigidTransform) -> RigidTransform:
-        """Of two motions without scale the one nearer to the last, by rotation and direction together."""
+    def nearer(self, first: RigidTransform, second: RigidTransform, metric: bool) -> RigidTransform:
+        """Of two motions the one nearer to the last, by rotation and translation or its direction."""
         if self.last is None:
             return first
         last = self.last
+        length = max(float(np.linalg.norm(last.translation)), 1e-9)
 
         def away(T: RigidTransform) -> float:
-            direction = [m.translation / max(np.linalg.norm(m.translation), 1e-300) for m in (T, last)]
-            return float(
-                (T.rotation * last.rotation.inv()).magnitude() + np.linalg.norm(np.subtract(*direction))
-            )
+            turn = (T.rotation * last.rotation.inv()).magnitude()
+            t = T.translation if metric else T.translation * length / np.linalg.norm(T.translation)
+            return float(turn + np.linalg.norm(t - last.translation) / length)
 
         return min(first, second, key=away)
 

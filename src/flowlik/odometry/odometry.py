@@ -212,7 +212,7 @@ class Odometry:
             return motion
         if motion.alternative is not None:
             other = motion.alternative
-            if self._model.nearer(motion.T_k_prev, other.T_k_prev) is motion.T_k_prev:
+            if self._model.nearer(motion.T_k_prev, other.T_k_prev, motion.scale_known) is motion.T_k_prev:
                 return motion
             return replace(other, alternative=replace(motion, alternative=None))
         T, covariance = self._model.predict()
