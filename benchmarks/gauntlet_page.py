@@ -1,12 +1,18 @@
-"""What is shown of the gauntlet: the tables of a page of the documentation, and a heat map."""
+"""What is shown of the gauntlet: the tables of a page of the documentation, and a heat map.
+
+    python benchmarks/gauntlet_page.py RUN PAGE
+
+puts the tables of a run between the marks of a page, as `gauntlet.py --docs PAGE` does at its end.
+"""
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 
 import numpy as np
 
-from flowlik.results import Record, select
+from flowlik.results import Record, read_records, select
 from gauntlet_run import OURS, RIVALS
 from gauntlet_scenarios import SCENARIOS
 from gauntlet_table import residual_of
@@ -38,7 +44,11 @@ def markdown(records: list[Record]) -> str:
     names = [name for name in SCENARIOS if any(r.dataset == name for r in records)]
     estimators = [name for name in (*OURS, *RIVALS) if any(r.estimator == name for r in records)]
     values = {(r.dataset, r.flow, residual_of(r), r.estimator, r.metric): r.value for r in records}
-    lines = [_row("", *COLUMN_HEADS), _row("---", *["---"] * len(COLUMN_HEADS))]
+    counts = [r.count for r in records if r.count is not None]
+    said = f"{min(counts)} to {max(counts)} motions a cell, seed {records[0].seed} and on."
+    missing = [scenario.shows for name, scenario in SCENARIOS.items() if name not in names]
+    said += f" Not run: {'; '.join(missing)}." if missing else ""
+    lines = [said, "", _row("", *COLUMN_HEADS), _row("---", *["---"] * len(COLUMN_HEADS))]
     for name in names:
         cells = [_cell(values, name, flow, kind) for kind in RESIDUAL_HEADS for flow in FLOW_HEADS]
         lines.append(_row(SCENARIOS[name].shows, *cells))
@@ -123,3 +133,17 @@ def _percent(rate: float | None) -> str:
 
 def _row(*cells: str) -> str:
     return "| " + " | ".join(cells) + " |"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("run", type=Path)
+    parser.add_argument("page", type=Path)
+    options = parser.parse_args()
+    write_docs(options.page, read_records(options.run / "metrics.json"))
+
+
+if __name__ == "__main__":
+    main()

@@ -264,6 +264,7 @@ def test_tables_of_a_page_are_put_between_its_marks(tmp_path):
     page.write_docs(path, records)
     text = path.read_text(encoding="utf-8")
     assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
+    assert "4 to 4 motions a cell, seed 7 and on. Not run: pan of 0.1° a frame; " in text
     assert "| pan of 1° a frame | **25.0** / 25.0 · 100 |" in text
     page.heat_map(records, tmp_path / "map.png")
     assert cv2.imread(str(tmp_path / "map.png")) is not None
