@@ -19,8 +19,8 @@ from flowlik.support.arrays import Array
 
 # without depth: flow shorter than this [px] in half of the vectors is none
 STILL_PX = 0.1
-# flow shorter than this [px] in every vector is that of one image shown twice
-FROZEN_PX = 1e-4
+# flow shorter than this [px] in 99 % of the vectors is that of one image shown twice
+FROZEN_PX = 1e-3
 # an inlier known to this width [px] is counted as informative
 INFORMATIVE_PX = 1.0
 # inliers known to this width [px] are witnesses of a motion: so many for each of its freedoms, and this share
@@ -80,7 +80,7 @@ def too_little(problem: Problem) -> tuple[Status, str] | None:
     if n < needed:
         return Status.TOO_FEW, f"{n} flow vectors, {needed} needed"
     length = np.linalg.norm(problem.residual.measurements.flow, axis=1)
-    if length.max() < FROZEN_PX:
+    if np.percentile(length, 99) < FROZEN_PX:
         return Status.DEGENERATE, "the two images are the same: frozen, repeated, or still and without noise"
     # with known depth a standstill is a motion like any other
     if not problem.residual.metric and np.median(length[_known(problem)]) < STILL_PX:
