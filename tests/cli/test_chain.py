@@ -227,7 +227,7 @@ def test_a_model_that_does_not_fit_the_images_is_warned_of(flight, edited, tmp_p
     outcome = succeed(command, *words[command], "--out", tmp_path / "run")
     warnings = [line for line in outcome.err if line.startswith("warning: ")]
     assert json.loads((tmp_path / "run" / "run.json").read_text())["warnings"] == [w[9:] for w in warnings]
-    (warning,) = (w for w in warnings if "little data" not in w)
+    (warning,) = (w for w in warnings if "range" in w)
     assert "100 %" in warning
 
 

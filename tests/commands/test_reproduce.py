@@ -63,7 +63,7 @@ def test_models_metrics_figures_and_page_are_left(run):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_every_family_is_judged_on_both_populations(run, method):
-    for dataset, split in [("planes-calibration", "calibration"), (HELD_OUT, "held-out")]:
+    for dataset, split in [("planes-calibration", "in sample"), (HELD_OUT, "held-out")]:
         for family in ("lcm", "log-logistic", "gaussian", "glc"):
             for metric in ("nll", "ks_median", "coverage_90", "outside_fraction"):
                 (record,) = select(
