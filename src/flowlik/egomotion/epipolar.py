@@ -98,10 +98,6 @@ class Epipolar:
             scores.append(equations_of(z, J, observable(T), within).b)
         return np.array(scores)
 
-    def select(self, which: NDArray[np.bool_]) -> Epipolar:
-        """Return the residual of some of the vectors (N,)."""
-        return Epipolar(self.measurements.select(which), self.camera, self.excluded)
-
     def retract(self, T: Array, step: Array) -> Array:
         """Motion after a step (6,), with a translation of unit length."""
         moved = _kernels.retract(T, step)
@@ -114,6 +110,11 @@ class FivePoint:
 
     residual: Epipolar
     minimal: ClassVar[int] = 5
+
+    def among(self, which: NDArray[np.bool_]) -> Epipolar:
+        """Return the residual of some of the vectors (N,) alone."""
+        r = self.residual
+        return Epipolar(r.measurements.select(which), r.camera, r.excluded)
 
     def coordinates(self, index: Index) -> Array:
         """Coordinates x (N, 2) of the eigen-components."""

@@ -116,10 +116,6 @@ class KnownDepth:
         )
         return scores
 
-    def select(self, which: NDArray[np.bool_]) -> KnownDepth:
-        """Return the residual of some of the vectors (N,)."""
-        return type(self)(self.measurements.select(which), self.camera, self.rho[which], self.excluded)
-
     def retract(self, T: Array, step: Array) -> Array:
         """Motion after a step (6,)."""
         return np.asarray(_kernels.retract(T, step))
@@ -131,6 +127,11 @@ class ThreePoint:
 
     residual: KnownDepth
     minimal: ClassVar[int] = 3
+
+    def among(self, which: NDArray[np.bool_]) -> KnownDepth:
+        """Return the residual of some of the vectors (N,) alone."""
+        r = self.residual
+        return KnownDepth(r.measurements.select(which), r.camera, r.rho[which], r.excluded)
 
     def coordinates(self, index: Index) -> Array:
         """Coordinates x (N, 2) of the eigen-components."""

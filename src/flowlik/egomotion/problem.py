@@ -114,7 +114,7 @@ class Problem:
 
     def among(self, which: NDArray[np.bool_]) -> Problem:
         """Return the problem of some of the vectors (N,)."""
-        return replace(self, residual=self.residual.select(which))
+        return replace(self, residual=self.residual.sampling.among(which))
 
     def chosen(self, x: Array, used: NDArray[np.bool_]) -> Chosen:
         """Components at coordinates x (C,) for a maximisation over `used`."""

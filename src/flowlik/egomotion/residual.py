@@ -147,10 +147,6 @@ class Residual(Protocol):
         """Gradients (K, 6) at motions (K, 3, 4) of the log-density of the chosen within bounds (C,) [px]."""
         ...
 
-    def select(self, which: NDArray[np.bool_]) -> Residual:
-        """Return the residual of some of the vectors (N,)."""
-        ...
-
     def retract(self, T: Array, step: Array) -> Array:
         """Motion after a step (6,) along the tangent, what is unobservable set by convention."""
         ...
@@ -165,6 +161,10 @@ class Sampling(Protocol):
     @property
     def minimal(self) -> int:
         """Vectors of a minimal sample."""
+        ...
+
+    def among(self, which: NDArray[np.bool_]) -> Residual:
+        """Return the residual of some of the vectors (N,) alone."""
         ...
 
     def coordinates(self, index: Index) -> Array:
