@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.egomotion import EgoMotion, Epipolar, Status, mle
+from flowlik.egomotion import EgoMotion, Epipolar, Status, covariance, mle
 from flowlik.evaluation.motion.split_half import (
     difference_covariance,
     direction_noise_mrad,
@@ -61,8 +61,9 @@ def test_a_right_covariance_covers_the_differences():
         assert half_coverage(distances, confidence) == pytest.approx(confidence, abs=0.06)
 
 
-def test_the_covariance_of_a_difference_knows_what_halves_share():
+def test_the_covariance_of_a_difference_knows_what_halves_share(monkeypatch):
     """Without correlation it is the halves' sum; what a whole image shares cancels between equal ones."""
+    monkeypatch.setattr(covariance, "OTHER_SUBPIXEL_BIAS_PX", 0.0)
     rng = np.random.default_rng(2)
     m = make_scene(random_motion(rng, 1.0, 0.5), rng, n=400, likelihood=lcm_likelihood()).measurements
     apart, twice = [m.select(half) for half in halves(m.pixels)], [m, m]
@@ -79,3 +80,17 @@ def test_the_covariance_of_a_difference_knows_what_halves_share():
             np.testing.assert_allclose(difference, total, rtol=1e-6, atol=1e-6 * np.abs(total).max())
         else:
             assert np.trace(difference[:3, :3]) < 0.1 * np.trace(total[:3, :3])
+
+
+def test_a_bias_that_halves_share_cancels_between_equal_ones():
+    rng = np.random.default_rng(3)
+    m = make_scene(random_motion(rng, 1.0, 0.5), rng, n=400, likelihood=lcm_likelihood()).measurements
+    weights = np.array([1.0, *np.zeros(8)])
+    correlation = ScoreCorrelation(np.array(SCALES_PX), weights, np.zeros(9), np.zeros(9))
+    estimator = mle(lcm_likelihood(shared_errors=SharedErrors(correlation)))
+    residuals = [Epipolar.of(m, CAMERA)] * 2
+    found = [estimator.estimate(residual, seed=0) for residual in residuals]
+    difference = difference_covariance(estimator, residuals, found)
+    total = found[0].covariance + found[1].covariance
+    basis = np.linalg.svd(total)[0][:, :5]
+    assert (np.linalg.eigvalsh(basis.T @ (total - difference) @ basis) > 0).all()

@@ -15,7 +15,7 @@ from scipy.spatial.transform import RigidTransform
 from scipy.stats import chi2
 
 from flowlik.egomotion import EgoMotion, Epipolar, Estimator
-from flowlik.egomotion.covariance import score_covariance
+from flowlik.egomotion.covariance import score_covariance, subpixel_variability
 from flowlik.support.arrays import Array
 
 TILE_PX = 64
@@ -69,7 +69,8 @@ def half_distances(
 def difference_covariance(estimator: Estimator, halves_: Seq[Epipolar], motions: Seq[EgoMotion]) -> Array:
     """Covariance (6, 6) of the difference of two halves' motions, which share errors of the whole image.
 
-    The likelihood's correlation of scores is that of all vectors, within a half and across: a score of the
+    The likelihood's correlation of scores and the bias of a fraction of a pixel are those of all vectors,
+    within a half and across: a score of the
     first half moves the difference by the inverse of its own sensitivity, one of the second against it.
     """
     effects, fishers, directions = [], [], []
@@ -92,7 +93,9 @@ def difference_covariance(estimator: Estimator, halves_: Seq[Epipolar], motions:
         pixels=np.concatenate([first.pixels, second.pixels]),
         flow=np.concatenate([first.flow, second.flow]),
     )
-    return score_covariance(together, np.concatenate(directions), effect, fisher, correlation)
+    along = np.concatenate(directions)
+    shared = score_covariance(together, along, effect, fisher, correlation)
+    return shared + subpixel_variability(together, along, effect, fisher)
 
 
 def truth_distances(found: Seq[EgoMotion], truth: Seq[RigidTransform]) -> Array:
