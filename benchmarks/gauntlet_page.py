@@ -103,7 +103,9 @@ def heat_map(records: list[Record], path: Path) -> None:
             column = list(RESIDUAL_HEADS).index(residual_of(r)) * len(FLOW_HEADS)
             column += list(FLOW_HEADS).index(str(r.flow))
             rates[names.index(str(r.dataset)), column] = np.nan if r.value is None else r.value
-        drawn = ax.imshow(rates, cmap=colours, norm=LogNorm(0.002, 1.0), aspect="auto", interpolation="none")
+        # a logarithm of 0 would be drawn as if nothing was claimed
+        seen = np.maximum(rates, 1e-4)
+        drawn = ax.imshow(seen, cmap=colours, norm=LogNorm(0.002, 1.0), aspect="auto", interpolation="none")
         for (i, j), rate in np.ndenumerate(rates):
             if rate >= 0.002:
                 ax.text(j, i, f"{100 * rate:.3g}", ha="center", va="center", fontsize=6)
