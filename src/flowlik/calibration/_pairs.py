@@ -13,8 +13,8 @@ from flowlik.flow.base import DenseFlow, FlowMethod, Image, method_for_pair
 from flowlik.flow.lucas_kanade import detect_corners
 from flowlik.image.sampling import sample_flow
 from flowlik.image.texture import TextureDefinition
-from flowlik.measurement.masking import clear_pixels, ending_clear
-from flowlik.measurement.measurements import Measurements, measure, stratified_pixels
+from flowlik.measurement.masking import measure_clear
+from flowlik.measurement.measurements import Measurements, stratified_pixels
 from flowlik.support.arrays import Array
 
 GRID_PIXELS = 5000
@@ -77,8 +77,7 @@ def pair_errors(
     method = method_for_pair(method, *whole_pair(sequence, k))
     images, usable = (sequence.image(k), sequence.image(k + 1)), mask_of(sequence, k)
     texture = texture or TextureDefinition()
-    pixels = clear_pixels(images, method, texture, usable, pixels)
-    m = ending_clear(measure(*images, method, texture, pixels, signals), method, usable)
+    m = measure_clear(images, method, texture, usable, pixels, signals)
     truth = sample_flow(sequence.flow(k), m.pixels)
     known = np.asarray(np.isfinite(truth).all(axis=1))
     height, width = images[0].shape

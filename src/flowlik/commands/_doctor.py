@@ -16,6 +16,7 @@ from flowlik.egomotion import KnownDepth, lcmsac
 from flowlik.errors import FlowlikError
 from flowlik.flow import flow_method
 from flowlik.geometry.camera import Pinhole
+from flowlik.image.sampling import at_nearest
 from flowlik.likelihood.model_file import load_likelihood
 from flowlik.likelihood.shipped import shipped
 from flowlik.measurement.measurements import measure
@@ -104,8 +105,7 @@ def _checks() -> list[Check]:
         return [*found, Check("flow", False, f"{type(error).__name__}: {error}", 0.0)]
 
     def flow() -> str:
-        column, row = np.rint(m.pixels).astype(int).T
-        z = m.errors(h[row, column])
+        z = m.errors(at_nearest(h, m.pixels))
         inside = float((np.abs(z) <= likelihood.bound(likelihood.coordinate(m), 0.9)).mean())
         median_px = float(np.median(np.abs(z)))
         if median_px > 0.2 or inside < 0.7:

@@ -23,8 +23,8 @@ from flowlik.flow.base import FlowMethod, Image
 from flowlik.image.sampling import sample_flow
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.model_file import load_likelihood
-from flowlik.measurement.masking import clear_pixels, ending_clear
-from flowlik.measurement.measurements import Measurements, measure
+from flowlik.measurement.masking import measure_clear
+from flowlik.measurement.measurements import Measurements
 from flowlik.report import finish
 from flowlik.report.viewer import viewer
 from flowlik.results.records import Record, protocol
@@ -74,11 +74,9 @@ def flow(
     if lens is not None:
         image, following = lens.undistort(image), lens.undistort(following)
         chosen = replace(chosen, lens=lens) if isinstance(chosen, FlowFiles) else chosen
-    signals = likelihood.signals
     usable = lens.valid(image.shape) if lens is not None and lens.distorts else None
-    pixels = clear_pixels((image, following), chosen, likelihood.texture, usable)
-    m = measure(image, following, chosen, likelihood.texture, pixels, signals)
-    m = ending_clear(m, chosen, usable)
+    images = image, following
+    m = measure_clear(images, chosen, likelihood.texture, usable, signals=likelihood.signals)
     if not len(m):
         raise DataError(f"{previous}: no flow vector could be measured (no texture?)")
     true_flow = None
@@ -87,7 +85,7 @@ def flow(
         true_flow = true_flow if lens is None else lens.straighten_flow(true_flow)
     config = {"images": [str(previous), str(current)], "model": str(model), **options.asdict()}
     run = RunFolder(out, command, {**config, "flow": describe(chosen)})
-    _warn_of_doubts(run, (image, following), true_flow, chosen)
+    _warn_of_doubts(run, images, true_flow, chosen)
     shown = viewer(options.view, run.begin() / "view.rrd" if options.record else None)
     x, confidence = likelihood.coordinate(m), options.confidence
     half_width = likelihood.bound(x, confidence)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.commands.options import Data
+from flowlik.commands._shared_options import Data
 from flowlik.datasets import masked, open_sequence, resized, truth_doubts
 from flowlik.datasets.agreement import flow_doubt
 from flowlik.datasets.base import ImageSequence, notes_of

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.geometry.camera import Pinhole
+from flowlik.geometry.motion import epipolar_error, h
+from flowlik.image.masks import clear
 from flowlik.support.arrays import Array
 
 CORNERS = 300
@@ -59,7 +61,7 @@ def track(
     window = _side(previous.shape, 16, WINDOW)
     wanted = np.ones(previous.shape, bool) if known is None else known
     if usable is not None:
-        wanted = wanted & (cv2.erode(usable.astype(np.uint8), np.ones((window, window), np.uint8)) > 0)
+        wanted = wanted & clear(usable, window // 2)
     spacing = float(np.clip(np.sqrt(previous.size) / 40, *SPACING_PX))
     mask = wanted.astype(np.uint8)
     found = cv2.goodFeaturesToTrack(previous, CORNERS, 0.01, spacing, mask=mask, blockSize=5)
@@ -124,12 +126,7 @@ def in_common(errors: Array, cells: NDArray[np.int64]) -> float:
 
 def epipolar_errors(camera: Pinhole, tracks: Tracks, T_k_prev: RigidTransform) -> Array:
     """Signed distances (N, 1) [px] of the tracks' ends to their epipolar lines; vectors (N, 2) for a turn."""
-    R, t = T_k_prev.rotation.as_matrix(), T_k_prev.translation
-    rays = camera.rays(tracks.pixels) @ R.T
-    ends = tracks.pixels + tracks.flow
-    if not t.any():
-        return ends - camera.v2p(rays)
-    lines = np.cross(t, rays) @ np.linalg.inv(camera.K)
-    distances = (lines[:, :2] * ends).sum(axis=1) + lines[:, 2]
+    if not T_k_prev.translation.any():
+        return tracks.flow - h(T_k_prev, camera, tracks.pixels, np.zeros(len(tracks.pixels)))
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray((distances / np.linalg.norm(lines[:, :2], axis=1))[:, None])
+        return epipolar_error(T_k_prev, camera, tracks.pixels, tracks.flow)[0][:, None]

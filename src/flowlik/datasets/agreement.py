@@ -15,7 +15,8 @@ from flowlik.datasets._tracks import epipolar_errors, even, in_common, track
 from flowlik.datasets.base import ImageSequence, frame_pairs, mask_of
 from flowlik.errors import FlowlikError, MissingFieldError
 from flowlik.geometry.camera import Pinhole
-from flowlik.geometry.motion import relative_motion
+from flowlik.geometry.motion import h, inverse_range, relative_motion
+from flowlik.image.sampling import at_nearest
 from flowlik.support.arrays import Array
 
 PAIRS = 6
@@ -153,7 +154,7 @@ def _compared(
 ) -> dict[str, float]:
     """How far two images move, and how far they lie from a flow where that is known."""
     tracks = track(previous, current, usable, even(flow, SAME_SURFACE, SAME_FLOW_PX))
-    said = _at(flow, tracks.pixels)
+    said = at_nearest(flow, tracks.pixels).astype(np.float64)
     others = {
         "flow": said, "the flow halved": said / 2, "the flow doubled": said * 2, "the flow reversed": -said,
         "u and v exchanged": said[:, ::-1],
@@ -191,12 +192,12 @@ def _explained(sequence: ImageSequence, k: int) -> dict[str, float]:
         for what, camera, T in _posed(sequence, k):
             found[what or "poses"] = in_common(epipolar_errors(camera, tracks, T), tracks.cells)
         return found
-    z = _at(depth, tracks.pixels)
+    z = at_nearest(depth, tracks.pixels)
     said = [(what, camera, z, T) for what, camera, T in _posed(sequence, k)]
     _, camera, _, T = said[0]
     said += [(f"{factor:.2g} times the depth", camera, factor * z, T) for factor in DEPTHS]
     for what, camera, depths, T in said:
-        errors = tracks.flow - _posed_flow(camera, tracks.pixels, depths, T)
+        errors = tracks.flow - h(T, camera, tracks.pixels, inverse_range(camera, tracks.pixels, depths))
         found[what or "flow"] = in_common(errors, tracks.cells)
     return found
 
@@ -236,17 +237,6 @@ def _posed(sequence: ImageSequence, k: int) -> Iterator[tuple[str, Pinhole, Rigi
         yield f"{factor:.2g} times the focal length", other, own
         what = f"{factor:.2g} times the focal length and the principal point in the middle"
         yield what, replace(other, cx=u, cy=v), own
-
-
-def _posed_flow(camera: Pinhole, pixels: Array, depth: Array, T: RigidTransform) -> Array:
-    moved = camera.rays(pixels) @ T.rotation.as_matrix().T + T.translation / depth[:, None]
-    return camera.v2p(moved) - pixels
-
-
-def _at(field: NDArray[np.floating], pixels: Array) -> Array:
-    """Values of a map (H, W, ...) at the pixels nearest to points (N, 2)."""
-    column, row = np.rint(pixels).astype(np.int64).T
-    return field[row, column].astype(np.float64)
 
 
 def _fit(pairs: Sequence[dict[str, float]], kind: str) -> Fit:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.errors import DataError
-from flowlik.image import _kernels
+from flowlik.image.sampling import bilinear
 from flowlik.image.texture import Gradients
 from flowlik.support.arrays import Array
 
@@ -143,7 +143,7 @@ def _sample_dense(flow: NDArray[np.float32], pixels: Array) -> Array:
     if np.array_equal(whole, pixels):
         u, v = whole.astype(int).T
         return flow[v, u].astype(np.float64)
-    return _kernels.bilinear(flow, np.ascontiguousarray(pixels, dtype=np.float64))
+    return bilinear(flow, pixels)
 
 
 def samplers(method: FlowMethod, previous: Image, current: Image) -> tuple[FlowAt, FlowAt]:

@@ -1,8 +1,11 @@
-"""Depth and flow maps read between pixels: never across an edge."""
+"""Maps read at points between pixels; those of depth and flow never across an edge."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from flowlik.image import _kernels
 from flowlik.image.depth import check_depth_z
@@ -43,6 +46,17 @@ def sample_flow(flow: Array, pixels: Array) -> Array:
     field = np.asarray(flow, dtype=np.float64)
     sampled: Array = _kernels.surface(field, _positions(pixels), SAME_SURFACE, SAME_FLOW_PX)
     return sampled
+
+
+def at_nearest(field: NDArray[Any], pixels: Array) -> NDArray[Any]:
+    """Values (N, ...) of a map (H, W, ...) at the pixels nearest to points (N, 2) inside it."""
+    column, row = np.rint(pixels).astype(np.int64).T
+    return field[row, column]
+
+
+def bilinear(field: NDArray[np.floating], pixels: Array) -> Array:
+    """Channels (N, C) of a map (H, W, C) between its pixels, at points clamped to the outermost ones."""
+    return _kernels.bilinear(field, _positions(pixels))
 
 
 def _positions(pixels: Array) -> Array:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flowlik.errors import DataError
 from flowlik.image import _kernels
+from flowlik.image.sampling import bilinear
 from flowlik.support.arrays import Array
 from flowlik.support.threads import in_bands
 
@@ -144,4 +145,4 @@ def sample_tensor(S: Array, pixels: Array) -> Array:
 
     Interpolating S keeps it positive semi-definite; eigenvectors must never be interpolated.
     """
-    return _kernels.bilinear(S, np.ascontiguousarray(pixels, dtype=np.float64))
+    return bilinear(S, pixels)

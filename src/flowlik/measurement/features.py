@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from flowlik.flow.base import DenseFlow, FlowMethod, Image
 from flowlik.image.texture import TextureDefinition
-from flowlik.measurement.masking import clear_pixels, ending_clear
-from flowlik.measurement.measurements import Measurements, measure, stratified_pixels
+from flowlik.measurement.masking import measure_clear
+from flowlik.measurement.measurements import Measurements, stratified_pixels
 
 DENSE_PIXELS = 4000
 
@@ -36,9 +36,7 @@ def measure_features(
     pixels = None
     if isinstance(method, DenseFlow):
         pixels = stratified_pixels(previous.shape, DENSE_PIXELS, np.random.default_rng(seed))
-    pixels = clear_pixels((previous, current), method, texture, usable, pixels)
-    m = measure(previous, current, method, texture, pixels, signals)
-    return ending_clear(m, method, usable)
+    return measure_clear((previous, current), method, texture, usable, pixels, signals)
 
 
 def features_of(method: FlowMethod) -> str:

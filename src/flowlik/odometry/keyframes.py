@@ -10,6 +10,7 @@ from flowlik.datasets.base import mask_of
 from flowlik.datasets.selection import Selection
 from flowlik.errors import DataError
 from flowlik.flow.base import FlowMethod, FlowOfPairs
+from flowlik.image.sampling import at_nearest
 
 Walk = Callable[[Iterable[int]], Iterable[int]]
 
@@ -48,8 +49,7 @@ def moving_frames(
         pixels, flow = method.measure(last, image)
         usable = mask_of(sequence, kept[-1])
         if usable is not None:
-            column, row = np.rint(pixels).astype(np.int64).T
-            flow = flow[usable[row, column]]
+            flow = flow[at_nearest(usable, pixels)]
         lengths = np.linalg.norm(flow, axis=-1)
         lengths = lengths[np.isfinite(lengths)]
         if len(lengths) and np.median(lengths) > parallax_px:
