@@ -61,10 +61,10 @@ def test_no_world_imports_another():
     assert not [m for m, w in worlds.items() for o in IMPORTS[m] if worlds.get(o, w) != w]
 
 
-def test_what_has_an_underscore_in_the_simulation_is_imported_in_its_own_folder_only():
+def test_what_has_an_underscore_is_imported_in_its_own_folder_only():
     strangers = []
     for module, others in IMPORTS.items():
-        for parts in (other.split(".") for other in others if other.startswith("simulation.")):
+        for parts in (other.split(".") for other in others):
             private = [i for i, part in enumerate(parts) if part.startswith("_") and part != "__init__"]
             if any(module.split(".")[:i] != parts[:i] for i in private):
                 strangers.append(f"{module} imports {'.'.join(parts)}")

@@ -1,9 +1,11 @@
-"""Compiled kernels of flow: Horn-Schunck, and patches tracked; their plain numpy twins stand in the tests."""
+"""Compiled kernels of flow: Horn-Schunck, patches tracked and where they stand; their twins are in tests."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
+
+from flowlik.image.patches import copy_patch
 
 # OpenCV's limits, in units of (intensity / px)^2: a patch below them says nothing of its motion
 LEAST_EIGENVALUE, LEAST_DETERMINANT = 1.024e-4, 0.125
@@ -73,17 +75,6 @@ def relax(flow, gu, gv, residual, inverse, omega, colour, first, last):  # type:
 def stride(window):  # type: ignore[no-untyped-def]
     """Length of a row in which a patch and a border of 3 px lie: whole vectors of the processor."""
     return (window + 3 + 7) // 8 * 8
-
-
-@njit(cache=True, inline="always")
-def _gather(image, row, column, rows, width, out):  # type: ignore[no-untyped-def]
-    """Copy a rectangle of an image into rows of floats, one after the other."""
-    # an index without a sign needs no check for one, which would keep processors from copying many at once
-    first_row, first, k = np.uint64(row), np.uint64(column), np.uint64(0)
-    for y in range(rows):
-        for x in range(width):
-            out[k + np.uint64(x)] = image[first_row + np.uint64(y), first + np.uint64(x)]
-        k += np.uint64(width)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
@@ -183,7 +174,7 @@ def follow_patches(  # type: ignore[no-untyped-def]
         if u < 0 or v < 0 or u + window > columns or v + window > height:
             mask = part
             _mask(part, u, v, shape, window, width)
-        _gather(templates, v0 + border - 1, u0 + border - 1, window + 3, width, raw)
+        copy_patch(templates, v0 + border - 1, u0 + border - 1, window + 3, width, raw)
         a, b = np.float32(u - u0), np.float32(v - v0)
         xx, xy, yy = _template(raw, a, b, window, width, mask, patch, smooth, gx, gy)
         determinant = float(xx) * yy - float(xy) * xy
@@ -199,7 +190,7 @@ def follow_patches(  # type: ignore[no-untyped-def]
                 break
             if u0 != cell_u or v0 != cell_v:
                 cell_u, cell_v = u0, v0
-                _gather(targets, v0 + border, u0 + border, window + 1, width, raw)
+                copy_patch(targets, v0 + border, u0 + border, window + 1, width, raw)
                 along_u, along_v = _cell_sums(raw, window, width, patch, gx, gy)
             s, t = _within(along_u, x - u0, y - v0), _within(along_v, x - u0, y - v0)
             step_x, step_y = (xy * t - yy * s) / determinant, (xy * s - xx * t) / determinant
@@ -215,3 +206,33 @@ def follow_patches(  # type: ignore[no-untyped-def]
         flow[i, 0], flow[i, 1] = (x - u) / scale, (y - v) / scale
         # where the search left the image
         lost[i] = level == 0 and not (-window <= x < columns and -window <= y < height)
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+def _energies(gx, gy):  # type: ignore[no-untyped-def]
+    """Sum of gx^2 + gy^2 along a row, and of that times the place; exact, since all are whole numbers."""
+    total, along = 0.0, 0.0
+    for k in range(len(gx)):
+        a, b = float(gx[k]), float(gy[k])
+        energy = a * a + b * b
+        total += energy
+        along += energy * k
+    return total, along
+
+
+@njit(cache=True, nogil=True)
+def energy_centres(gx, gy, pixels, half, first, last, centres):  # type: ignore[no-untyped-def]
+    """Centres of gx^2 + gy^2 in the windows around pixels first to last; the pixel where it is all zero."""
+    height, width = gx.shape
+    for i in range(first, last):
+        u, v = int(np.rint(pixels[i, 0])), int(np.rint(pixels[i, 1]))
+        left, right = max(u - half, 0), min(u + half + 1, width)
+        total, along_u, along_v = 0.0, 0.0, 0.0
+        for y in range(max(v - half, 0), min(v + half + 1, height)):
+            row, row_u = _energies(gx[y, left:right], gy[y, left:right])
+            total += row
+            along_u += row_u + row * (left - u)
+            along_v += row * (y - v)
+        scale = 1.0 / total if total > 0 else 0.0
+        centres[i, 0] = min(max(pixels[i, 0] + along_u * scale, 0.0), width - 1.0)
+        centres[i, 1] = min(max(pixels[i, 1] + along_v * scale, 0.0), height - 1.0)

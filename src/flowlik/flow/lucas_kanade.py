@@ -9,9 +9,9 @@ from typing import ClassVar
 import cv2
 import numpy as np
 
+from flowlik.flow import _kernels
 from flowlik.flow.base import ZERO_ALLOWED, FlowAt, Image, TwoWay, Windowed, check_pair, inside_image
 from flowlik.flow.tracking import Pyramid, Tracker
-from flowlik.image import _kernels
 from flowlik.image.texture import Gradients
 from flowlik.support.arrays import Array
 from flowlik.support.threads import in_bands

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from flowlik.errors import ModelError
 from flowlik.flow.base import FlowAt, Image
-from flowlik.image import _kernels
 from flowlik.image.texture import Gradients
+from flowlik.measurement import _kernels
 from flowlik.support.arrays import Array
 from flowlik.support.threads import in_bands
 
