@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.egomotion import Epipolar, KnownDepth, Status, lcmsac, mle
+from flowlik.egomotion._parallax import Parallax, share_in_front
 from flowlik.egomotion.observability import IN_FRONT_SHARE
-from flowlik.egomotion.parallax import Parallax, share_in_front
 from flowlik.measurement.measurements import Measurements
 from tests.helpers import CAMERA, make_scene, random_motion
 

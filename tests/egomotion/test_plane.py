@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.egomotion import Status, lcmsac
+from flowlik.egomotion._plane import better_of_two
 from flowlik.egomotion.observability import determines
-from flowlik.egomotion.plane import better_of_two
 from flowlik.egomotion.problem import Explanation
 from tests.helpers import make_scene
 

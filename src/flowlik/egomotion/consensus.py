@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -80,10 +81,10 @@ def draw_samples(weights: Array, count: int, size: int, rng: np.random.Generator
     return distinct if len(distinct) else rng.permutation(len(weights))[None, :size]
 
 
-def anneal(problem: Problem, T: Array) -> Array:
+def anneal(problem: Problem, T: Array, widths: Sequence[float] = ANNEALING) -> Array:
     """Follow the likelihood from a guess, its errors first taken to be several times as wide."""
     T = problem.residual.retract(T, np.zeros(6))
-    for widened in ANNEALING:
+    for widened in widths:
         view = problem.at(T, problem.components, widened)
         T, _ = maximise(problem, view.errors, view.inliers, LOCAL_STEPS, widened)
     return T
@@ -100,7 +101,7 @@ def _support_bounds(problem: Problem) -> Array:
 
 def _sampling_weights(problem: Problem) -> Array:
     """Draw a vector in proportion to the root of its weaker component's information; gated ones last."""
-    x = problem.residual.sampling.coordinates(problem.index)
+    x = problem.coordinates
     reliability = np.sqrt(np.where(problem.kept, problem.likelihood.fisher(x), 0.0).min(axis=1))
     return np.asarray(reliability + 1e-6 * reliability.max() + 1e-300)
 

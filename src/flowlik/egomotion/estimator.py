@@ -8,18 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.egomotion.at_infinity import at_infinity, hidden_parallax_px
+from flowlik.egomotion._at_infinity import at_infinity, hidden_parallax_px
+from flowlik.egomotion._plane import better_of_two
+from flowlik.egomotion._second_consensus import second_consensus
 from flowlik.egomotion.consensus import consensus
 from flowlik.egomotion.inlier_rules import ByComponent, InlierRule
 from flowlik.egomotion.maximise import maximise, refine, transform
 from flowlik.egomotion.moments import Moments, score_moments
 from flowlik.egomotion.observability import INFORMATIVE_PX, Verdict, judged, too_little
-from flowlik.egomotion.plane import better_of_two
 from flowlik.egomotion.posterior import GaussianPrior
 from flowlik.egomotion.problem import Explanation, Problem
 from flowlik.egomotion.residual import Residual
-from flowlik.egomotion.result import EgoMotion, Status, unsolved
-from flowlik.egomotion.second_consensus import second_consensus
+from flowlik.egomotion.result import EgoMotion, Status, of_rotation, unsolved
 from flowlik.errors import DataError
 from flowlik.likelihood.likelihood import FlowLikelihood
 
@@ -147,17 +147,13 @@ class Estimator:
         self, problem: Problem, found: Explanation, moments: Moments, verdict: Verdict, drawn: int
     ) -> EgoMotion:
         """Result of a motion, of the rotation alone if that is all there is, and beside an alternative."""
-        if verdict.rotation is not None:
-            far, rotation = at_infinity(problem), verdict.rotation
-            told = Verdict(verdict.status, verdict.reason)
-            moments = score_moments(far, rotation.view, hidden_parallax_px(far, rotation.view))
-            turned = self._result(far, rotation, moments, told, drawn)
-            open_translation = np.where(np.arange(6) < 3, 0.0, np.nan)
-            unknown = np.add.outer(open_translation, open_translation)
-            return replace(turned, covariance=turned.covariance + unknown, scale_known=False)
-        alternative = None
+        told, alternative = Verdict(verdict.status, verdict.reason), None
+        if (turn := verdict.rotation) is not None:
+            far = at_infinity(problem)
+            turned = score_moments(far, turn.view, hidden_parallax_px(far, turn.view))
+            result = self._result(far, turn, turned, told, drawn)
+            return replace(result, covariance=of_rotation(result.covariance, np.nan), scale_known=False)
         if (other := verdict.alternative) is not None:
-            told = Verdict(verdict.status, verdict.reason)
             alternative = self._result(problem, other, score_moments(problem, other.view), told, drawn)
         if verdict.between is not None:
             found, moments = verdict.between, score_moments(problem, verdict.between.view)

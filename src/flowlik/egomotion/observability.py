@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from flowlik.egomotion.at_infinity import at_infinity, nearest_rotation, roughly
+from flowlik.egomotion._at_infinity import at_infinity, nearest_rotation, rough_rotation
+from flowlik.egomotion._parallax import share_in_front
+from flowlik.egomotion._plane import Twin
 from flowlik.egomotion.covariance import temperature
 from flowlik.egomotion.epipolar import Epipolar
 from flowlik.egomotion.moments import Moments, determines
-from flowlik.egomotion.parallax import share_in_front
-from flowlik.egomotion.plane import Twin
 from flowlik.egomotion.problem import Explanation, Problem, View
+from flowlik.egomotion.residual import KNOWN_PX
 from flowlik.egomotion.result import Status
 from flowlik.support.arrays import Array
 
@@ -23,9 +24,8 @@ STILL_PX = 0.1
 FROZEN_PX = 1e-3
 # an inlier known to this width [px] is counted as informative
 INFORMATIVE_PX = 1.0
-# inliers known to this width [px] are witnesses of a motion: so many for each of its freedoms, and this share
-# of all components; where images have nothing in common there are hardly any
-KNOWN_PX = 2.0
+# inliers known well are witnesses of a motion: so many for each of its freedoms, and this share of all
+# components; where images have nothing in common there are hardly any
 LEAST_KNOWN, LEAST_KNOWN_SHARE = 2, 0.1
 # an image without any texture [intensity^2/px^2], not even of noise, is none of the scene
 LEAST_TEXTURE = 1e-2
@@ -90,7 +90,7 @@ def too_little(problem: Problem) -> tuple[Status, str] | None:
 
 def _known(problem: Problem) -> NDArray[np.bool_]:
     """Vectors (N,) whose stronger component is known well, or all where hardly any is."""
-    bounds = problem.bound(problem.residual.sampling.coordinates(problem.index)).min(axis=1)
+    bounds = problem.bound(problem.coordinates).min(axis=1)
     known = bounds <= KNOWN_PX
     return known if known.sum() > LEAST_KNOWN_SHARE * len(known) else np.ones(len(known), bool)
 
@@ -144,9 +144,10 @@ def _rotation_alone(problem: Problem, view: View) -> Explanation | None:
     """
     far, of_motion = at_infinity(problem), view.inliers[view.used].mean()
     # a rough look spares most frames the fit
-    if _share_known(problem, roughly(far, view.errors.T)) < ROUGH_SHARE * of_motion:
+    rough = far.at(rough_rotation(far, view.errors.T))
+    if _share_known(problem, rough) < ROUGH_SHARE * of_motion:
         return None
-    found = nearest_rotation(far, view.errors.T)
+    found = nearest_rotation(far, rough.errors.T)
     if _share_known(problem, found.view) < ROTATION_SHARE * of_motion:
         return None
     # many distant points and some near ones: what the rotation leaves over is all in front

@@ -66,6 +66,11 @@ class Problem:
         return self.residual.sampling.components(self.kept)
 
     @cached_property
+    def coordinates(self) -> Array:
+        """Schedule coordinates x (N, 2) of the vectors' eigen-components."""
+        return self.residual.sampling.coordinates(self.index)
+
+    @cached_property
     def excluded(self) -> dict[str, int]:
         """What is left out, by reason: vectors, and components by the gate."""
         return {**self.residual.excluded, "texture gate": int(self.kept.size - self.kept.sum())}

@@ -17,6 +17,8 @@ from flowlik.support.threads import in_bands
 
 # hypotheses that a thread takes at a time
 SCORED_TOGETHER = 25
+# a component whose bound is at most this wide [px] is known well
+KNOWN_PX = 2.0
 
 Bound = Callable[[Array], Array]
 InliersOf = Callable[[Array], NDArray[np.bool_]]
@@ -197,11 +199,11 @@ def weighting(residual: Residual, likelihood: FlowLikelihood) -> Weighting:
 
     With known depth each counts by its composite weight. The power of that is calibrated on whole vectors, of
     which an epipolar error is the part across its line: without depth components count alike, but only
-    those known to 2 px (docs/decisions.md).
+    those known well (docs/decisions.md).
     """
     if residual.metric:
         return Weighting(likelihood.composite, likelihood.composite_weight, np.inf)
-    return Weighting(likelihood.compiled, np.ones_like, 2.0)
+    return Weighting(likelihood.compiled, np.ones_like, KNOWN_PX)
 
 
 def equations_of(z: Array, J: Array, basis: Array, chosen: Chosen, widened: float = 1.0) -> Equations:

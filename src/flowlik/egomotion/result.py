@@ -114,6 +114,16 @@ class EgoMotion:
         return bool(told[:3].all() and not told[3:].any())
 
 
+def of_rotation(covariance: Array, variance: float) -> Array:
+    """Covariance (6, 6) of which the rotation's stays, with a translation of any direction.
+
+    ``variance`` [m^2] is that of the translation along each axis; NaN if nothing is known of it.
+    """
+    found = np.full((6, 6), 0.0 * variance)
+    found[:3, :3], found[3:, 3:] = covariance[:3, :3], variance * np.eye(3)
+    return found
+
+
 def unsolved(status: Status, reason: str, excluded: dict[str, int] | None = None) -> EgoMotion:
     """Return the identity with no information and no covariance, and why."""
     zero, unknown = np.zeros((6, 6)), np.full((6, 6), np.nan)

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from flowlik.egomotion import EgoMotion, Status
+from flowlik.egomotion.result import of_rotation
 from flowlik.support.arrays import Array
 
 REMEMBERED = 30
@@ -58,6 +60,37 @@ class ConstantVelocity:
             return float(turn + np.linalg.norm(t - last.translation) / length)
 
         return min(first, second, key=away)
+
+    def completed(self, motion: EgoMotion, unscaled: bool) -> EgoMotion:
+        """Add to a motion what those before say where the images do not tell all.
+
+        Of two motions it is the nearer one; beside a rotation alone stands the last translation, which may be
+        anything of its length (1 of the first if motions are without a scale); else the motion is predicted.
+        """
+        if motion.solved:
+            return motion
+        if (other := motion.alternative) is not None:
+            if self.nearer(motion.T_k_prev, other.T_k_prev, motion.scale_known) is motion.T_k_prev:
+                return motion
+            return replace(other, alternative=replace(motion, alternative=None))
+        T, covariance = self.predict()
+        if motion.rotation_alone:
+            length = float(np.linalg.norm(T.translation)) or (1.0 if unscaled else np.nan)
+            T = RigidTransform.from_components(T.translation, motion.T_k_prev.rotation)
+            wide = of_rotation(motion.covariance, length**2)
+            return replace(motion, T_k_prev=T, covariance=wide, sensitivity=None)
+        nothing = np.zeros((6, 6))
+        return replace(
+            motion, T_k_prev=T, information=nothing, covariance=covariance, sensitivity=None, predicted=True
+        )
+
+    def after(self, motion: EgoMotion) -> ConstantVelocity:
+        """Return the model after a motion that `completed` gave."""
+        if motion.predicted:
+            return self.skip()
+        if motion.status is Status.DEGENERATE:
+            return self.turned(motion.T_k_prev, motion.covariance)
+        return self.update(motion.T_k_prev, motion.covariance)
 
     def skip(self) -> ConstantVelocity:
         """Return the model after a frame that was not."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flowlik.egomotion import EgoMotion
+from flowlik.egomotion.result import of_rotation
 from flowlik.odometry.scale import Length, scaled
 
 # a step changes from frame to frame by this share of the longest of late, which fades by FADING a frame
@@ -98,9 +99,8 @@ def with_length(
     why = f"{name} tells no length" if told is None else f"{name} tells {told.metres:.3g} m, not expected"
     after = model.skipped(None if told is None else told.metres)
     if (expected := model.predict()) is None:
-        open_ended = motion.covariance.copy()
-        open_ended[3:], open_ended[:, 3:] = np.nan, np.nan
-        return replace(motion, covariance=open_ended, reason=f"{why}: length unknown"), after
+        unknown = of_rotation(motion.covariance, np.nan)
+        return replace(motion, covariance=unknown, reason=f"{why}: length unknown"), after
     guess = rescaled(motion, Length(*expected))
     reason = f"{why}: {expected[0]:.3g} m by the lengths before"
     return replace(guess, scale_known=False, length_predicted=True, reason=reason), after

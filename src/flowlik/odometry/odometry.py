@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.egomotion import EgoMotion, Epipolar, Estimator, KnownDepth, Residual, Status
-from flowlik.egomotion.result import unsolved
+from flowlik.egomotion.result import of_rotation, unsolved
 from flowlik.errors import DataError
 from flowlik.flow.base import FlowMethod, Image, check_pair
 from flowlik.geometry.camera import Pinhole
@@ -191,13 +191,9 @@ class Odometry:
         if not self.poses:
             self.poses.append(RigidTransform.identity())
         k = len(self.poses)
-        motion = self._with_length(self._completed(self._measured(m, k, depth)), k, distance_m)
-        if motion.predicted:
-            self._model = self._model.skip()
-        elif motion.status is Status.DEGENERATE:
-            self._model = self._model.turned(motion.T_k_prev, motion.covariance)
-        else:
-            self._model = self._model.update(motion.T_k_prev, motion.covariance)
+        completed = self._model.completed(self._measured(m, k, depth), self.scale.name == "none")
+        motion = self._with_length(completed, k, distance_m)
+        self._model = self._model.after(motion)
         if self.boresight is not None:
             turned = self.boresight.applied(motion.T_k_prev)
             if reference_m is not None and motion.status is Status.SOLVED:
@@ -205,32 +201,6 @@ class Odometry:
             motion = replace(motion, T_k_prev=turned)
         self.poses.append(self.poses[-1] * motion.T_k_prev.inv())
         return motion
-
-    def _completed(self, motion: EgoMotion) -> EgoMotion:
-        """Add what the motions before say where the images do not tell all."""
-        if motion.solved:
-            return motion
-        if motion.alternative is not None:
-            other = motion.alternative
-            if self._model.nearer(motion.T_k_prev, other.T_k_prev, motion.scale_known) is motion.T_k_prev:
-                return motion
-            return replace(other, alternative=replace(motion, alternative=None))
-        T, covariance = self._model.predict()
-        if not motion.rotation_alone:
-            return replace(
-                motion,
-                T_k_prev=T,
-                information=np.zeros((6, 6)),
-                covariance=covariance,
-                sensitivity=None,
-                predicted=True,
-            )
-        # the translation may be anything of the length of those before; without a scale they are of length 1
-        length = float(np.linalg.norm(T.translation)) or (1.0 if self.scale.name == "none" else np.nan)
-        whole = np.zeros((6, 6))
-        whole[:3, :3], whole[3:, 3:] = motion.covariance[:3, :3], length**2 * np.eye(3)
-        T = RigidTransform.from_components(T.translation, motion.T_k_prev.rotation)
-        return replace(motion, T_k_prev=T, covariance=whole, sensitivity=None)
 
     def _take_time(self, timestamp: float) -> None:
         last = self.timestamps[-1] if self.timestamps else -np.inf
@@ -276,12 +246,11 @@ class Odometry:
             self._lengths = self._lengths.skipped()
             return replace(motion, length_predicted=not motion.scale_known)
         self._lengths = self._lengths.updated(told.metres, told.sigma_m)
-        covariance = motion.covariance
-        if not motion.predicted:  # the rotation is the images', the direction anything
-            covariance = covariance.copy()
-            covariance[3:, 3:] = told.metres**2 * np.eye(3)
-        T = scaled(motion.T_k_prev, told.metres)
-        return replace(motion, T_k_prev=T, covariance=covariance, scale_known=True)
+        found = replace(motion, T_k_prev=scaled(motion.T_k_prev, told.metres), scale_known=True)
+        if motion.predicted:
+            return found
+        # the rotation is the images', the direction anything
+        return replace(found, covariance=of_rotation(motion.covariance, told.metres**2))
 
     def _lengthened(self, motion: EgoMotion, told: Length | None) -> EgoMotion:
         """Give a motion that was estimated, and its alternative, a length."""

@@ -16,7 +16,7 @@ from flowlik.flow.base import Image
 from flowlik.geometry.camera import Pinhole
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.measurement.measurements import Measurements
-from flowlik.odometry._parallax import Fit, Parallax, fit_inverse_depths
+from flowlik.odometry._inverse_depth import EpipolarFlow, Fit, fit_inverse_depths
 from flowlik.support.arrays import Array
 
 SCALES = ("truth-norm", "gps-norm", "camera-height", "stereo", "none")
@@ -163,7 +163,7 @@ class CameraHeight:
         down = np.cross(right, travel)
         below = camera.rays(m.pixels) @ down
         in_front = (below > BELOW_HORIZON) & (np.abs(camera.rays(m.pixels) @ right) < LANE * below)
-        parallax = Parallax.of(m.select(in_front), camera, T_k_prev)
+        seen = EpipolarFlow.of(m.select(in_front), camera, T_k_prev)
 
         def prior(q: Array) -> Array:
             size = float(np.linalg.norm(q[:3]))
@@ -173,10 +173,10 @@ class CameraHeight:
             information[3, 3] = 1 / (0.5 * CURVATURE * self.height_m * size) ** 2
             return information
 
-        rays = camera.rays(parallax.measurements.pixels)
+        rays = camera.rays(seen.measurements.pixels)
         X = np.column_stack([rays, 1 / (rays @ down)])
         starts = [[*(step * (down + roll * right)), 0.0] for step in STEPS for roll in ROLLS]
-        fit = fit_inverse_depths(parallax, X, np.array(starts), prior, likelihood)
+        fit = fit_inverse_depths(seen, X, np.array(starts), prior, likelihood)
         if fit is None or fit.q[:3] @ down <= 0 or _spread(rays @ down, fit.belongs) < LEAST_SPREAD:
             return None
         size = float(np.linalg.norm(fit.q[:3]))
@@ -202,16 +202,16 @@ class Stereo:
     ) -> Length | None:
         """Length of the motion; None where too few vectors have a disparity and parallax."""
         disparity = _stereo_disparity(self.sequence.image(k - 1), self.sequence.right_image(k - 1))
-        parallax = Parallax.of(m, camera, T_k_prev)
-        pixels = parallax.measurements.pixels
+        seen = EpipolarFlow.of(m, camera, T_k_prev)
+        pixels = seen.measurements.pixels
         column, row = np.rint(pixels).astype(int).T
         inside = camera.contains(pixels)
         d = np.where(inside, disparity[np.where(inside, row, 0), np.where(inside, column, 0)], np.nan)
-        parallax, d = parallax.select(d > 1), d[d > 1]
+        seen, d = seen.select(d > 1), d[d > 1]
         nearness = d[:, None] / (camera.fx * self.sequence.baseline_m)
         steps = STEPS[:, None] * self.sequence.baseline_m * 30
         fit = fit_inverse_depths(
-            parallax, nearness, steps, lambda _: np.zeros((1, 1)), likelihood, DISPARITY_SIGMA_PX / d
+            seen, nearness, steps, lambda _: np.zeros((1, 1)), likelihood, DISPARITY_SIGMA_PX / d
         )
         if fit is None or fit.q[0] <= 0:
             return None

@@ -44,13 +44,22 @@ class Parallax(NamedTuple):
         """Parallax of measurements at a motion; NaN where a ray points behind the camera."""
         turned, t = camera.rays(m.pixels) @ T[:, :3].T, T[:, 3]
         with np.errstate(divide="ignore", invalid="ignore"):
-            move = (t[:2] - turned[:, :2] / turned[:, 2:] * t[2]) / turned[:, 2:] * [camera.fx, camera.fy]
+            move = camera.v2p_jacobian(turned) @ t
             length = np.linalg.norm(move, axis=1)
             line = move / length[:, None]
             along = np.einsum("ij,ij->i", m.pixels + m.flow - camera.v2p(turned), line)
             # along = inverse_depth * length / (1 + inverse_depth * t_z / turned_z)
             inverse_depth = along / (length - along * t[2] / turned[:, 2])
         return cls(along, line, length, inverse_depth)
+
+
+def parallax_at(problem: Problem, T: Array) -> tuple[Parallax, Array]:
+    """Parallax of a problem without depth at a motion (3, 4), and coordinates (N,) along its lines."""
+    residual = problem.residual
+    assert isinstance(residual, Epipolar)
+    parallax = Parallax.of(residual.measurements, residual.camera, T)
+    held = residual.isotropic(problem.index)
+    return parallax, problem.index.along(residual.measurements, parallax.line, held)
 
 
 def lost_log_prob(problem: Problem, errors: Array, x: Array) -> Array:
@@ -66,9 +75,8 @@ def losses(problem: Problem, T: Array, used: NDArray[np.bool_]) -> Array:
     A vector costs what its error across the line costs and, where it would be behind the camera, what its
     parallax costs as an error: there the best depth is infinite.
     """
-    across, parallax = problem.residual.at(T, problem.index), _parallax(problem, T)
-    lost_along = lost_log_prob(problem, parallax.along, _along(problem, parallax))
-    behind = np.where(parallax.along < 0, lost_along, 0.0)
+    across, (parallax, x) = problem.residual.at(T, problem.index), parallax_at(problem, T)
+    behind = np.where(parallax.along < 0, lost_log_prob(problem, parallax.along, x), 0.0)
     return np.where(used, lost_log_prob(problem, across.z, across.x) + behind, 0.0)
 
 
@@ -78,8 +86,7 @@ def share_in_front(problem: Problem, T: Array, used: NDArray[np.bool_]) -> float
     Each vector is weighed by how far its parallax is from an error. Where flow is a rotation and errors, as
     many point one way as the other. Few near points before many far ones are asked alone.
     """
-    parallax = _parallax(problem, T)
-    x = _along(problem, parallax)
+    parallax, x = parallax_at(problem, T)
     side = np.where(used & np.isfinite(parallax.along), np.sign(parallax.along), 0.0)
     lost = np.abs(side) * lost_log_prob(problem, parallax.along, x)
     share = float((side * lost).sum() / max(lost.sum(), 1e-9))
@@ -87,15 +94,3 @@ def share_in_front(problem: Problem, T: Array, used: NDArray[np.bool_]) -> float
     if near.sum() > NEAR_SHARE * used.sum():
         share = max(share, float(side[near].mean()))
     return max(share, 0.0)
-
-
-def _parallax(problem: Problem, T: Array) -> Parallax:
-    assert isinstance(problem.residual, Epipolar)
-    return Parallax.of(problem.residual.measurements, problem.residual.camera, T)
-
-
-def _along(problem: Problem, parallax: Parallax) -> Array:
-    """Schedule coordinates (N,) of errors along the lines."""
-    residual = problem.residual
-    assert isinstance(residual, Epipolar)
-    return problem.index.along(residual.measurements, parallax.line, residual.isotropic(problem.index))

@@ -7,13 +7,12 @@ import numpy as np
 from flowlik.egomotion.consensus import consensus
 from flowlik.egomotion.maximise import refine
 from flowlik.egomotion.problem import Explanation, Problem, View
+from flowlik.egomotion.residual import KNOWN_PX
 
 # vectors known well that a motion leaves over: where they are so large a share of all, they are asked
 LEFT_OVER_SHARE = 0.25
 # and so large a share of theirs must agree
 AGREE_SHARE = 0.6
-# a vector is known well where its wider component is known to this width [px]
-KNOWN_PX = 2.0
 
 
 def second_consensus(

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from flowlik.egomotion.consensus import anneal
+from flowlik.egomotion.consensus import ANNEALING, anneal
 from flowlik.egomotion.epipolar import Epipolar
 from flowlik.egomotion.known_depth import KnownDepth
-from flowlik.egomotion.maximise import maximise, refine
+from flowlik.egomotion.maximise import refine
 from flowlik.egomotion.problem import Explanation, Problem, View
 from flowlik.egomotion.residual import Chosen, Equations, Linearised
 from flowlik.likelihood.schedule import Index
@@ -19,8 +19,6 @@ ROTATION = np.eye(6)[:, :3]
 ROTATION.setflags(write=False)
 # parallax of so many bounds is not seen, and turns the rotation that explains the flow alone
 HIDDEN_BOUNDS = 0.5
-# how many times as wide errors are taken to be for a rough rotation, and its steps
-ROUGH, ROUGH_STEPS = 8.0, 3
 
 
 class AtInfinity(KnownDepth):
@@ -43,20 +41,18 @@ def at_infinity(problem: Problem) -> Problem:
     return replace(problem, residual=AtInfinity(m, residual.camera, np.zeros(len(m)), residual.excluded))
 
 
-def roughly(problem: Problem, T: Array) -> View:
-    """Look at the rotation near that of a motion (3, 4), errors taken to be several times as wide: cheap."""
-    view = problem.at(np.column_stack([T[:, :3], np.zeros(3)]), problem.components, ROUGH)
-    return problem.at(maximise(problem, view.errors, view.inliers, ROUGH_STEPS, ROUGH)[0])
-
-
-def nearest_rotation(problem: Problem, T: Array) -> Explanation:
-    """Follow the likelihood from the rotation of a motion (3, 4), errors first taken to be wide.
+def rough_rotation(problem: Problem, T: Array) -> Array:
+    """Follow the likelihood from the rotation of a motion (3, 4), errors taken to be wide: cheap.
 
     `problem` is one at infinity. A translation and a rotation share much of a flow: the rotation of the two
     together is not the one that explains the flow alone.
     """
-    start = np.column_stack([T[:, :3], np.zeros(3)])
-    errors, log_prob = refine(problem, anneal(problem, start))
+    return anneal(problem, np.column_stack([T[:, :3], np.zeros(3)]), ANNEALING[:1])
+
+
+def nearest_rotation(problem: Problem, rough: Array) -> Explanation:
+    """Follow the likelihood on from a rough rotation (3, 4)."""
+    errors, log_prob = refine(problem, anneal(problem, rough, ANNEALING[1:]))
     return Explanation(problem.look(errors), log_prob)
 
 

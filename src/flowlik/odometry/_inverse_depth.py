@@ -26,7 +26,7 @@ ITERATIONS = 50
 
 
 @dataclass(frozen=True, eq=False)
-class Parallax:
+class EpipolarFlow:
     """Flow vectors of one motion, each with its place along its epipolar line.
 
     Attributes
@@ -50,18 +50,19 @@ class Parallax:
     direction: Array
 
     @classmethod
-    def of(cls, m: Measurements, camera: Pinhole, T_k_prev: RigidTransform) -> Parallax:
+    def of(cls, m: Measurements, camera: Pinhole, T_k_prev: RigidTransform) -> EpipolarFlow:
         """Vectors of a motion whose translation is not zero; those without a line are left out."""
         far = T_k_prev.rotation.apply(camera.rays(m.pixels)).reshape(-1, 3)
         t = T_k_prev.translation / np.linalg.norm(T_k_prev.translation)
-        along = _slopes(camera, far, t)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            along = camera.v2p_jacobian(far) @ t
         length = np.linalg.norm(along, axis=1)
         seen = (far[:, 2] > 0) & (length > 0)
         return cls(m.select(seen), camera, far[seen], t, along[seen] / length[seen, None])
 
-    def select(self, which: NDArray[np.bool_]) -> Parallax:
+    def select(self, which: NDArray[np.bool_]) -> EpipolarFlow:
         """Return the vectors at a mask (N,)."""
-        return Parallax(
+        return EpipolarFlow(
             self.measurements.select(which), self.camera, self.far[which], self.t, self.direction[which]
         )
 
@@ -74,7 +75,7 @@ class Parallax:
         m = self.measurements
         with np.errstate(divide="ignore", invalid="ignore"):
             errors = ((m.pixels + m.flow - self.camera.v2p(points)) * self.direction).sum(axis=1)
-            slopes = (_slopes(self.camera, points, self.t) * self.direction).sum(axis=1)
+            slopes = (self.camera.v2p_jacobian(points) @ self.t * self.direction).sum(axis=1)
         behind = points[:, 2] <= 0
         return np.where(behind, np.inf, errors), np.where(behind, 0.0, slopes)
 
@@ -111,7 +112,7 @@ class Fit:
 
 
 def fit_inverse_depths(
-    parallax: Parallax,
+    seen: EpipolarFlow,
     X: Array,
     starts: Array,
     prior: Callable[[Array], Array],
@@ -122,7 +123,7 @@ def fit_inverse_depths(
 
     Parameters
     ----------
-    parallax : Parallax
+    seen : EpipolarFlow
         Vectors (N,).
     X : array (N, P)
         What inverse depths are linear in.
@@ -140,17 +141,17 @@ def fit_inverse_depths(
     Fit or None
         None where fewer than 15 vectors, or a fifth of them, are of the model.
     """
-    m = parallax.measurements
+    m = seen.measurements
     if len(m) < LEAST_VECTORS:
         return None
-    x = likelihood.schedule.index.along(m, parallax.direction)
+    x = likelihood.schedule.index.along(m, seen.direction)
     tables, rows = likelihood.compiled, likelihood.compiled.rows(x)
-    flow, _ = parallax.at(np.zeros(len(m)))
+    flow, _ = seen.at(np.zeros(len(m)))
     clutter = 1 / (CLUTTER * np.maximum(np.abs(flow), 1.0))
     widened = np.hypot(1.0, spread * flow / likelihood.bound(x, 0.68))
 
     def density(q: Array) -> Array:
-        z, _ = parallax.at(X @ q)
+        z, _ = seen.at(X @ q)
         return np.exp(look_up(tables.log_prob, rows, z / widened)) / widened
 
     q = max(starts, key=lambda q: float(np.log(density(q) + clutter).sum()))
@@ -161,7 +162,7 @@ def fit_inverse_depths(
         if belongs.sum() < LEAST_VECTORS:
             return None
         share = float(np.clip(belongs.mean(), 0.01, 0.99))
-        z, slopes = parallax.at(X @ q)
+        z, slopes = seen.at(X @ q)
         J = slopes[:, None] * X
         weight = belongs * look_up(tables.weight, rows, z / widened) / (widened**2 * ALIKE)
         weight[slopes == 0] = 0.0
@@ -179,12 +180,5 @@ def fit_inverse_depths(
     strain = float(q @ pull + pull @ np.linalg.pinv(A, hermitian=True) @ pull)
     strain /= max(np.linalg.matrix_rank(P, hermitian=True), 1)
     covariance = max(strain, 1.0) * np.asarray(np.linalg.inv(A + P))
-    by_motion: Array = np.linalg.solve(H, J.T @ (weight[:, None] * parallax.by_motion(X @ q)))
+    by_motion: Array = np.linalg.solve(H, J.T @ (weight[:, None] * seen.by_motion(X @ q)))
     return Fit(q, covariance, by_motion, belongs)
-
-
-def _slopes(camera: Pinhole, points: Array, t: Array) -> Array:
-    """How fast (N, 2) [px] the images of points (N, 3) move when these move along t (3,)."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = points[:, :2] / points[:, 2:]
-        return np.array([camera.fx, camera.fy]) * (t[:2] - ratio * t[2]) / points[:, 2:]

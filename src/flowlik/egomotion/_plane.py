@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from flowlik.egomotion._parallax import losses, parallax_at
 from flowlik.egomotion.epipolar import Epipolar
 from flowlik.egomotion.maximise import refine, transform
-from flowlik.egomotion.parallax import Parallax, losses
 from flowlik.egomotion.problem import Explanation, Problem
 from flowlik.egomotion.residual import Linearised
 from flowlik.support.arrays import Array
@@ -93,8 +93,7 @@ def _plane(problem: Problem, T: Array, inliers: NDArray[np.bool_]) -> Array | No
     """Normal over distance (3,) [1 / the translation's length] of a plane; None if it holds too few."""
     residual = problem.residual
     assert isinstance(residual, Epipolar)
-    parallax = Parallax.of(residual.measurements, residual.camera, T)
-    x = problem.index.along(residual.measurements, parallax.line, residual.isotropic(problem.index))
+    parallax, x = parallax_at(problem, T)
     usable = inliers & np.isfinite(parallax.inverse_depth)
     # inverse depth is linear in the ray: errors of it in units of the bound
     scale = (parallax.per_inverse_depth / problem.bound(x))[usable]
