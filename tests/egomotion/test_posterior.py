@@ -6,11 +6,10 @@ import pytest
 from flowlik.egomotion import GaussianPrior, KnownDepth, Status, lcmsac, log_prob, mle
 from flowlik.egomotion.covariance import temperature
 from flowlik.errors import DataError, ModelError
-from flowlik.geometry.motion import exp_se3, inverse_left_jacobian, right_covariance
+from flowlik.geometry.motion import exp_se3, inverse_left_jacobian, right_covariance, scaled
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.schedule import Index
 from flowlik.likelihood.shared_errors import SCALES_PX, ScoreCorrelation, SharedErrors
-from flowlik.odometry.scale import scaled
 from tests.helpers import (
     CAMERA,
     each_of,

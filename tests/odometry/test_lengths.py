@@ -5,9 +5,9 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.egomotion import EgoMotion, Status
-from flowlik.geometry.motion import exp_se3
+from flowlik.geometry.motion import exp_se3, scaled
 from flowlik.odometry._lengths import LengthModel, rescaled, with_length
-from flowlik.odometry.scale import Length, scaled
+from flowlik.odometry.scale import Length
 
 UNIT = scaled(exp_se3(np.array([0.002, 0.01, -0.001, 0.03, 0.01, -0.9])), 1.0)
 A = np.random.default_rng(0).standard_normal((6, 5)) * 1e-3

@@ -10,13 +10,13 @@ from flowlik.errors import DataError, ModelError
 from flowlik.flow import Farneback, LucasKanade
 from flowlik.flow.base import DenseFlow
 from flowlik.geometry.camera import Pinhole
-from flowlik.geometry.motion import exp_se3, h, inverse_range
+from flowlik.geometry.motion import exp_se3, h, inverse_range, scaled
 from flowlik.image.depth import ImplausibleDepthWarning
 from flowlik.image.texture import TextureDefinition, derivatives
 from flowlik.measurement.features import features_of, measure_features
 from flowlik.odometry.loop import measure_sequence, run_odometry
 from flowlik.odometry.odometry import Odometry
-from flowlik.odometry.scale import Length, scale_source, scaled, true_distance
+from flowlik.odometry.scale import Length, scale_source, true_distance
 from flowlik.support.threads import map_ahead
 from tests.helpers import lcm_likelihood, textured_image
 

@@ -8,13 +8,13 @@ from flowlik.geometry.motion import exp_se3, h, inverse_range
 from flowlik.image.texture import TextureDefinition
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.measurement.measurements import Measurements
+from flowlik.odometry._seen_lengths import _stereo_disparity
 from flowlik.odometry.scale import (
     CameraHeight,
     Length,
     Norm,
     Stereo,
     Unscaled,
-    _stereo_disparity,
     scale_source,
 )
 from tests.helpers import textured_image

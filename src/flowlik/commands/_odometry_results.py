@@ -25,12 +25,10 @@ from flowlik.geometry.trajectory import Trajectory
 from flowlik.measurement.features import features_of
 from flowlik.odometry.odometry import Odometry
 from flowlik.odometry.ros_odometry import bag_notes
+from flowlik.odometry.scale import UNCERTAIN
 from flowlik.results.records import Record, protocol, select
 from flowlik.results.runs import RunFolder
 from flowlik.support.files import printable
-
-# scale sources that say how well they know a length
-TOLD = ("gps-norm", "camera-height", "stereo")
 
 
 @dataclass(frozen=True)
@@ -139,7 +137,7 @@ def _records(flown: Flown, options: OdometryOptions, scale: str) -> list[Record]
     )  # fmt: skip
     plain = replace(base, protocol=protocol(**keys))
     records = [base, *status_records(motions, plain)]
-    if scale in TOLD:
+    if scale in UNCERTAIN:
         records += length_records(motions, flown.truth, plain)
     if flown.truth is None:
         return records

@@ -19,13 +19,14 @@ from flowlik.evaluation.motion import true_trajectory
 from flowlik.evaluation.motion.split_half import LEAST_STEP_M, difference_covariance, halves
 from flowlik.flow import flow_method
 from flowlik.flow.base import FlowMethod
+from flowlik.geometry.motion import scaled
 from flowlik.geometry.trajectory import Trajectory
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.measurement.measurements import Measurements
 from flowlik.odometry.boresight import Boresight
 from flowlik.odometry.loop import measure_sequence, true_move
 from flowlik.odometry.odometry import Odometry
-from flowlik.odometry.scale import scale_source, scaled, true_distance
+from flowlik.odometry.scale import scale_source, true_distance
 from flowlik.odometry.self_calibration import Intrinsics, SelfCalibration
 from flowlik.support.arrays import Array
 from flowlik.support.progress import Progress, no_progress

@@ -24,6 +24,13 @@ def exp_se3(xi: Array) -> RigidTransform:
     return RigidTransform.from_exp_coords(np.asarray(xi, dtype=np.float64))
 
 
+def scaled(T_k_prev: RigidTransform, distance_m: float) -> RigidTransform:
+    """Return the motion with a translation of the given length [m]; a zero translation stays zero."""
+    length = float(np.linalg.norm(T_k_prev.translation))
+    factor = distance_m / length if length > 0 else 0.0
+    return RigidTransform.from_components(T_k_prev.translation * factor, T_k_prev.rotation)
+
+
 def adjoint(T: RigidTransform) -> Array:
     """Adjoint (6, 6) of a transform: ``T exp(xi) T^-1 = exp(Ad xi)``, tangent as (rotation, translation)."""
     R = T.rotation.as_matrix()

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from flowlik.egomotion import EgoMotion
 from flowlik.egomotion.result import of_rotation
-from flowlik.odometry.scale import Length, scaled
+from flowlik.geometry.motion import scaled
+from flowlik.support.arrays import Array
 
 # a step changes from frame to frame by this share of the longest of late, which fades by FADING a frame
 CHANGE, FADING = 0.05, 0.98
@@ -16,6 +17,32 @@ CHANGE, FADING = 0.05, 0.98
 GATE = 3.29
 # so many lengths refused in a row, all within a third of their median, are believed
 AGREEING, APART = 3, 1 / 3
+
+
+@dataclass(frozen=True, eq=False)
+class Length:
+    """Length of a motion, told by a scale source.
+
+    Attributes
+    ----------
+    metres : float
+        Length [m].
+    sigma_m : float
+        Standard deviation [m] of its error where the motion is as given; 0 for a length taken as exact.
+    by_motion : array (6,)
+        Derivative of its logarithm by the left tangent of the motion of unit length: how the motion's
+        error enters it.
+    """
+
+    metres: float
+    sigma_m: float = 0.0
+    by_motion: Array = field(default_factory=lambda: np.zeros(6))
+
+    def sigma_with(self, covariance: Array) -> float:
+        """Standard deviation [m] with the error of the motion of unit length, covariance (6, 6)."""
+        return float(
+            np.hypot(self.sigma_m, self.metres * np.sqrt(self.by_motion @ covariance @ self.by_motion))
+        )
 
 
 @dataclass(frozen=True)

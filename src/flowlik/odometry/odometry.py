@@ -14,13 +14,14 @@ from flowlik.egomotion.result import of_rotation, unsolved
 from flowlik.errors import DataError
 from flowlik.flow.base import FlowMethod, Image, check_pair
 from flowlik.geometry.camera import Pinhole
+from flowlik.geometry.motion import scaled
 from flowlik.image.depth import check_depth_z
 from flowlik.measurement.features import measure_features
 from flowlik.measurement.measurements import Measurements
 from flowlik.odometry._constant_velocity import ConstantVelocity
-from flowlik.odometry._lengths import LengthModel, with_length
+from flowlik.odometry._lengths import Length, LengthModel, with_length
 from flowlik.odometry.boresight import Boresight
-from flowlik.odometry.scale import Length, Norm, ScaleSource, Unscaled, scaled
+from flowlik.odometry.scale import Norm, ScaleSource, Unscaled
 from flowlik.odometry.self_calibration import Intrinsics, SelfCalibration
 from flowlik.support.arrays import Array
 
