@@ -96,7 +96,7 @@ def flow(
         run.warn(message)
     picture = _picture(image, m, half_width, confidence)
     run.save("uncertainty", method_label(m.method), picture)
-    _write(run, picture, m, half_width, confidence)
+    _write(run, picture, m, half_width, likelihood.covariance(m, confidence), confidence)
     shown.pair(0.0, image, m, likelihood, confidence)
     shown.close()
     finish(run)
@@ -117,13 +117,18 @@ def _warn_of_doubts(
 
 
 def _write(
-    run: RunFolder, picture: dict[str, NDArray[Any]], m: Measurements, half_width: Array, confidence: float
+    run: RunFolder,
+    picture: dict[str, NDArray[Any]],
+    m: Measurements,
+    half_width: Array,
+    covariance: Array,
+    confidence: float,
 ) -> None:
-    """Flow and uncertainty as files: vectors as npz, maps as .flo and as 16-bit PNG."""
+    """Write flow and uncertainty: vectors as npz, maps as .flo and as 16-bit PNG."""
     with atomic_write(run.path / "flow.npz", "wb") as file:
         np.savez_compressed(
             file, pixels=m.pixels, flow_px=m.flow, half_width_px=half_width, R_i_e=m.R_i_e,
-            texture=m.t, confidence=confidence,
+            texture=m.t, confidence=confidence, covariance_px2=covariance,
         )  # fmt: skip
     flow = picture["flow"].astype(np.float64)
     write_flo(run.path / "flow.flo", flow)
@@ -188,8 +193,21 @@ def _records(
         records.append(
             record(name, float(inside.mean()), "", z.size, truth="given flow", pixels="known truth")
         )
+    told = {"truth": "given flow", "pixels": "known truth"}
+    held = float(_in_ellipse(m.select(known), truth[known], likelihood, 0.9).mean())
     nll = float(-likelihood.log_prob(z, x[known]).mean())
-    return [*records, record("nll", nll, "nat", z.size, truth="given flow", pixels="known truth")]
+    return [
+        *records,
+        record("coverage_ellipse_90", held, "", len(z), **told),
+        record("nll", nll, "nat", z.size, **told),
+    ]
+
+
+def _in_ellipse(m: Measurements, truth: Array, likelihood: FlowLikelihood, level: float) -> NDArray[np.bool_]:
+    """Which errors (N,) lie in the ellipse of the level that `FlowLikelihood.covariance` gives."""
+    error = m.flow - truth
+    whitened = np.linalg.solve(likelihood.covariance(m, level), error[..., None])[..., 0]
+    return np.asarray((error * whitened).sum(axis=-1) <= -2.0 * np.log1p(-level))
 
 
 def _picture(image: Image, m: Measurements, half_width: Array, confidence: float) -> dict[str, NDArray[Any]]:

@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import trapezoid
+from scipy.interpolate import RegularGridInterpolator
 
 from flowlik.errors import ModelError
 from flowlik.image.texture import TextureDefinition
 from flowlik.likelihood import tables
+from flowlik.likelihood._ellipses import ellipse_factors
 from flowlik.likelihood.families import ErrorFamily, Gaussian
 from flowlik.likelihood.schedule import Schedule, check_values
 from flowlik.likelihood.shared_errors import SharedErrors
@@ -20,6 +22,7 @@ from flowlik.measurement.measurements import Measurements
 from flowlik.support.arrays import Array
 
 BOUND_NODES = 513
+ELLIPSE_NODES = 17
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +135,38 @@ class FlowLikelihood:
             self._informations[confidence] = self._information(confidence)
         return self._interpolate(x, self._informations[confidence])
 
+    def covariance(self, measurements: Measurements, level: float = 0.9) -> Array:
+        """Covariances (N, 2, 2) [px^2] in {i} of flow vectors, for a filter that takes Gaussians.
+
+        Each is of the Gaussian whose ellipse of that level holds that share of errors, by this model. The
+        ellipse lies along the eigenbasis, its axes in the ratio of the components' bounds. Errors beyond are
+        larger than the Gaussian says: a filter should gate at the same level (docs/in-your-own-filter.md).
+
+        Parameters
+        ----------
+        measurements : Measurements
+            Flow vectors.
+        level : float
+            Share of errors that the ellipse holds: the filter's gate.
+
+        Raises
+        ------
+        ModelError
+            If the model is for another flow or texture, knows errors across epipolar lines alone, or the
+            level does not lie between 0 and 1.
+        """
+        if self.provenance.get("residual") == "epipolar":
+            raise ModelError(
+                "the model knows errors across epipolar lines alone, not along them: it has no covariance"
+            )
+        x = self.coordinate(measurements)
+        half_axes = self._ellipse_factor(x, level)[:, None] * self.bound(x, level)
+        variances = half_axes**2 / (
+            -2.0 * np.log1p(-level)
+        )  # of a Gaussian whose ellipse has these half-axes
+        R_i_e = measurements.R_i_e
+        return np.asarray(np.einsum("nij,nj,nkj->nik", R_i_e, variances, R_i_e))
+
     def composite_weight(self, x: Array | float) -> Array:
         """Weight in (0, 1] of a component's log-density in an estimate over many, ``(f / max f)^power``.
 
@@ -165,12 +200,26 @@ class FlowLikelihood:
     def _most_fisher(self) -> float:
         return float(self.fisher(self._nodes).max())
 
+    def _ellipse_factor(self, x: Array, level: float) -> Array:
+        """Half-axes (N,) of the ellipses over the bounds of both components, at coordinates x (N, 2)."""
+        knots = self.schedule.knots
+        nodes = np.linspace(knots[0], knots[-1], ELLIPSE_NODES)
+        if level not in self._ellipses:
+            bounds, theta = self.bound(nodes, level), self.schedule.theta(nodes)
+            self._ellipses[level] = ellipse_factors(self.family, theta, bounds, level)
+        grid = RegularGridInterpolator((nodes, nodes), self._ellipses[level])
+        return np.asarray(grid(np.clip(x, nodes[0], nodes[-1])), dtype=np.float64)
+
     @cached_property
     def _nodes(self) -> Array:
         return np.linspace(self.schedule.knots[0], self.schedule.knots[-1], BOUND_NODES)
 
     @cached_property
     def _bounds(self) -> dict[float, Array]:
+        return {}
+
+    @cached_property
+    def _ellipses(self) -> dict[float, Array]:
         return {}
 
     @cached_property

@@ -15,6 +15,10 @@ METRICS: dict[str, tuple[str, str]] = {
     ),
     "ks_max": ("Worst misfit (K‑S)", "at the texture level that fits least"),
     "coverage_90": ("Coverage of 90 %", "share of errors inside the model's own 90 % interval"),
+    "coverage_ellipse_90": (
+        "Coverage of 90 % ellipses",
+        "share of vectors whose error lies inside the ellipse of the covariance for filters",
+    ),
     "nll": ("Negative log-likelihood", "lower is better"),
     "ks_signed_median": ("Misfit of signed errors (K‑S median)", "also notices a bias"),
     "ks_floor_median": (
