@@ -21,7 +21,8 @@ CURRENT = textured_image(SHAPE, shift=(1.3, -0.6))
 
 @pytest.fixture(scope="module")
 def measured() -> Measurements:
-    return measure(PREVIOUS, CURRENT, Farneback(), signals=SIGNALS)
+    m = measure(PREVIOUS, CURRENT, Farneback(), signals=[n for n in SIGNALS if n != "own-uncertainty"])
+    return replace(m, signals={**m.signals, "own-uncertainty": 0.1 + np.abs(m.flow)})  # as a network's
 
 
 def directions(n: int, seed: int = 0) -> np.ndarray:
@@ -75,7 +76,7 @@ def pair(flow, previous=PREVIOUS, current=CURRENT, pixels=None, flow_at=None) ->
     pixels = np.array([[20.0, 30.0], [50.0, 40.0], [80.0, 12.0]]) if pixels is None else pixels
     flow = np.broadcast_to(np.asarray(flow, float), pixels.shape).copy()
     flow_at = flow_at or (lambda p: np.zeros_like(p))
-    _, back_at = samplers(Farneback(), previous, current)
+    back_at = samplers(Farneback(), previous, current).back
     return Pair(previous, current, derivatives(previous), flow_at, back_at, pixels, flow)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from flowlik.calibration._learn import Rows, learn_index
 from flowlik.calibration.sketch import ErrorSketch, merge_all
 from flowlik.errors import CalibrationError
-from flowlik.flow.base import DenseFlow, FlowMethod
+from flowlik.flow.base import DenseFlow, DensePairs, FlowMethod
 from flowlik.likelihood.families import error_family
 from flowlik.likelihood.schedule import Index, Input, Term
 
@@ -48,7 +48,12 @@ def check_schedule(schedule: str) -> None:
 
 
 def index_form(method: FlowMethod) -> IndexForm:
-    """Form of a method's learned index: a dense one also has neighbours to compare its flow with."""
+    """Form of a method's learned index: a dense one also has neighbours to compare its flow with.
+
+    What the flow itself tells of its uncertainty enters too: the index learns what it is worth.
+    """
+    if isinstance(method, DensePairs) and method.tells_uncertainty:
+        return IndexForm((*DENSE.covariates, "own-uncertainty"))
     return DENSE if isinstance(method, DenseFlow) else SPARSE
 
 

@@ -41,7 +41,8 @@ ModelUnlessRansac = Annotated[
 ]
 METHOD_HELP = (
     "Flow: farneback, farneback-wide, lucas-kanade, lucas-kanade-11 (with -opencv, as the paper's), dis, "
-    "horn-schunck; your own as package.module:object; or on disk as flow-files:LABEL=FOLDER."
+    "horn-schunck; your own as package.module:object; a network as onnx:FILE; or on disk as "
+    "flow-files:LABEL=FOLDER."
 )
 Method = Annotated[
     str | None,

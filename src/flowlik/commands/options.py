@@ -44,7 +44,7 @@ class EvaluateOptions(Execution, Data):
     Attributes
     ----------
     method : str, optional
-        May only confirm the model's flow method; must, where that is an object or flow on disk.
+        May only confirm the model's flow method; must, where that is an object, a network or flow on disk.
     seed : int
         Seed of pixels and of the bootstrap.
     """
@@ -63,7 +63,7 @@ class OdometryOptions(Data):
         Model file; needed for lcmsac and mle. It names the flow method.
     method : str, optional
         Flow method for RANSAC without a model; beside a model it may only confirm it, and must
-        where that is an object or flow on disk.
+        where that is an object, a network or flow on disk.
     estimator : {"lcmsac", "ransac", "mle"}
         Estimator.
     residual : {"depth", "epipolar"}, optional
@@ -159,7 +159,7 @@ class FlowOptions(Options):
     truth : Path, optional
         True flow, a file that `flowlik.datasets.flow_files.read_flow` reads, to report coverage.
     method : str, optional
-        May only confirm the model's method; must, where that is an object or flow on disk.
+        May only confirm the model's method; must, where that is an object, a network or flow on disk.
     flow_png : str, optional
         Coding of flow in PNG files that do not tell it themselves: a name in
         `flowlik.datasets.flow_png.PNG_CODINGS`.

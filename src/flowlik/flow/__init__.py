@@ -9,6 +9,7 @@ from typing import Any, cast
 
 from flowlik.errors import ModelError
 from flowlik.flow._callable_flow import CallableFlow, brought, find
+from flowlik.flow._onnx_file import named_network, onnx_flow
 from flowlik.flow.base import (
     DenseFlow,
     FlowMethod,
@@ -21,6 +22,7 @@ from flowlik.flow.dis import DIS
 from flowlik.flow.farneback import Farneback
 from flowlik.flow.horn_schunck import HornSchunck
 from flowlik.flow.lucas_kanade import LucasKanade, detect_corners
+from flowlik.flow.network import OnnxFlow
 from flowlik.flow.on_disk import FlowFiles, coded
 
 METHODS: dict[str, Callable[..., FlowMethod]] = {
@@ -45,7 +47,11 @@ PRESETS: dict[str, FlowMethod] = {
 
 
 # methods that a file alone may not start: the user says where they are
-CONFIRMED: dict[str, Callable[..., FlowMethod]] = {"callable": CallableFlow, "flow-files": FlowFiles}
+CONFIRMED: dict[str, Callable[..., FlowMethod]] = {
+    "callable": CallableFlow,
+    "flow-files": FlowFiles,
+    "onnx": OnnxFlow,
+}
 
 
 def flow_method(description: str | Mapping[str, Any]) -> FlowMethod:
@@ -55,13 +61,19 @@ def flow_method(description: str | Mapping[str, Any]) -> FlowMethod:
     ----------
     description : str or mapping
         A preset's name; ``package.module:object``, a callable or flow method of one's own, which is imported
-        (see `CallableFlow`); or ``flow-files:LABEL=PATH``, flow on disk (see `FlowFiles`).
+        (see `CallableFlow`); ``onnx:FILE``, a network, which is tested first (see `onnx_flow`); or
+        ``flow-files:LABEL=PATH``, flow on disk (see `FlowFiles`).
 
     Raises
     ------
     ModelError
-        If name or parameters are unknown, an object cannot be imported or is no flow, or a record is of an
-        object or of flow on disk: these only the user may name, see `confirmed_method`.
+        If name or parameters are unknown, an object cannot be imported or is no flow, a network fails its
+        test, or a record is of an object, a network or flow on disk: these only the user may name, see
+        `confirmed_method`.
+    DataError
+        If a network's file cannot be read or run.
+    MissingExtraError
+        If a network is named and onnxruntime is not installed.
     """
     if isinstance(description, str):
         return _named(description)
@@ -74,7 +86,8 @@ def flow_method(description: str | Mapping[str, Any]) -> FlowMethod:
 def confirmed_method(record: Mapping[str, Any], given: str | None = None) -> FlowMethod:
     """Flow method of a model's record, which a name given beside it may only confirm.
 
-    A model file starts no code of others: where it names an object or flow on disk, the same must be given.
+    A model file starts no code of others: where it names an object, a network or flow on disk, the same must
+    be given.
 
     Raises
     ------
@@ -87,7 +100,8 @@ def confirmed_method(record: Mapping[str, Any], given: str | None = None) -> Flo
     if describe(method) != dict(record):
         own = method_label(record)
         own = own if own != method_label(describe(method)) else f"{dict(record)}"
-        raise ModelError(f"the model is for the flow {own}, not for {given!r}: {_advice(record)}")
+        apart = _apart(record, describe(method))
+        raise ModelError(f"the model is for the flow {own}, not for {given!r}: {apart or _advice(record)}")
     return method
 
 
@@ -123,12 +137,14 @@ def _named(name: str) -> FlowMethod:
         if not equals or not path:
             raise ModelError(f"{name!r} does not say which flow it is and where: flow-files:LABEL=FOLDER")
         return FlowFiles(own, Path(path))
+    if kind == OnnxFlow.name and rest:
+        return named_network(rest)
     if colon:
         own_method = find(name)
         # one of flowlik's own methods with other parameters needs no import to be found again
         return own_method if type(own_method) in METHODS.values() else brought(name)
     if name not in PRESETS:
-        others = "package.module:object, flow-files:LABEL=FOLDER"
+        others = "package.module:object, onnx:FILE, flow-files:LABEL=FOLDER"
         raise ModelError(f"unknown flow method {name!r}: known are {', '.join(PRESETS)}, {others}")
     return PRESETS[name]
 
@@ -156,9 +172,21 @@ def _advice(record: Mapping[str, Any]) -> str:
     """Which --method goes with a model."""
     if record.get("name") == CallableFlow.name:
         return f"give --method {record['object']} if you trust that code"
+    if record.get("name") == OnnxFlow.name:
+        return f"give --method onnx:FILE of the network {record['label']!r}"
     if record.get("name") == FlowFiles.name:
         return f"give --method flow-files:{record['label']}=FOLDER"
     return "leave out --method"
+
+
+def _apart(record: Mapping[str, Any], given: Mapping[str, Any]) -> str:
+    """What differs in the network that is given from the one of a model."""
+    if not (record.get("name") == given["name"] == OnnxFlow.name):
+        return ""
+    if record["sha256"] != given["sha256"]:
+        return f"its file has the SHA-256 {given['sha256'][:12]}…, not {record['sha256'][:12]}…"
+    changed = [f"{key} is {given[key]!r}, not {record[key]!r}" for key in given if given[key] != record[key]]
+    return f"the same network, but {', '.join(changed)}"
 
 
 def _check_parameters(method: FlowMethod) -> None:
@@ -189,6 +217,7 @@ __all__ = [
     "FlowOfPairs",
     "HornSchunck",
     "LucasKanade",
+    "OnnxFlow",
     "backward_method",
     "check_record",
     "coded",
@@ -198,4 +227,5 @@ __all__ = [
     "flow_method",
     "method_for_pair",
     "method_label",
+    "onnx_flow",
 ]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from functools import cache
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +84,38 @@ class TwoWay(ABC):
         """Flow (N, 2) [px] as functions of pixels (N, 2): from previous to current, and back."""
 
 
+class DenseMaps(NamedTuple):
+    """Flow (H, W, 2) [px] of every pixel, and its standard deviations along u and v (H, W, 2), if told."""
+
+    flow: NDArray[np.float32]
+    own_uncertainty: NDArray[np.float32] | None = None
+
+
+class DensePairs(ABC):
+    """Part of a dense method that takes several image pairs in one go, or tells its own uncertainty."""
+
+    @property
+    @abstractmethod
+    def tells_uncertainty(self) -> bool:
+        """Whether it tells its own uncertainty."""
+
+    @abstractmethod
+    def maps(self, pairs: Sequence[tuple[Image, Image]]) -> list[DenseMaps]:
+        """Maps of image pairs of one size."""
+
+
+class Samplers(NamedTuple):
+    """Flow (N, 2) [px] of an image pair as functions of pixels (N, 2), there and back.
+
+    ``own_uncertainty`` gives the method's own standard deviations (N, 2) [px] of the flow there, if it tells
+    any.
+    """
+
+    there: FlowAt
+    back: FlowAt
+    own_uncertainty: FlowAt | None = None
+
+
 def method_for_pair(method: FlowMethod, sequence: ImageSequence, k: int) -> FlowMethod:
     """Return the method to use from frame k to k + 1 of a sequence: the method itself, but for flow on disk.
 
@@ -146,12 +178,37 @@ def _sample_dense(flow: NDArray[np.float32], pixels: Array) -> Array:
     return bilinear(flow, pixels)
 
 
-def samplers(method: FlowMethod, previous: Image, current: Image) -> tuple[FlowAt, FlowAt]:
-    """Flow of an image pair as functions of pixels, there and back; a dense one is computed once, at most."""
+def samplers(method: FlowMethod, previous: Image, current: Image, both: bool = False) -> Samplers:
+    """Flow of an image pair as functions of pixels; a dense one is computed once each way, at most.
+
+    ``both`` says that both ways will be asked for, so that one call may give them.
+    """
     if isinstance(method, TwoWay):
-        return method.both_ways(previous, current)
+        return Samplers(*method.both_ways(previous, current))
+    if isinstance(method, DensePairs):
+        return _samplers_of_maps(method, previous, current, both)
     back = cache(lambda: _sampler(backward_method(method), current, previous))
-    return _sampler(method, previous, current), lambda pixels: back()(pixels)
+    return Samplers(_sampler(method, previous, current), lambda pixels: back()(pixels))
+
+
+def _samplers_of_maps(method: DensePairs, previous: Image, current: Image, both: bool) -> Samplers:
+    pairs = [(previous, current), (current, previous)]
+    together = cache(lambda: method.maps(pairs))
+    alone = cache(lambda way: method.maps(pairs[way : way + 1])[0])
+
+    def maps(way: int) -> DenseMaps:
+        return together()[way] if both else alone(way)
+
+    def own(pixels: Array) -> Array:
+        uncertainty = maps(0).own_uncertainty
+        assert uncertainty is not None
+        return _sample_dense(uncertainty, pixels)
+
+    return Samplers(
+        lambda pixels: _sample_dense(maps(0).flow, pixels),
+        lambda pixels: _sample_dense(maps(1).flow, pixels),
+        own if method.tells_uncertainty else None,
+    )
 
 
 def _sampler(method: FlowMethod, previous: Image, current: Image) -> FlowAt:

@@ -79,6 +79,12 @@ def _standard_error(m: Measurements, n: Array) -> Array:
     return np.sqrt(np.maximum(variance, 0.0))
 
 
+def _own_uncertainty(m: Measurements, n: Array) -> Array:
+    # along u and v taken for uncorrelated, as networks take them
+    own = _known(_signal(m, "own-uncertainty"))
+    return np.hypot(own[:, 0] * n[:, 0], own[:, 1] * n[:, 1])
+
+
 def _any_direction(name: str) -> Callable[[Measurements, Array], Array]:
     return lambda m, n: _known(_signal(m, name))
 
@@ -97,6 +103,7 @@ COVARIATES: dict[str, Covariate] = {
         Covariate("residual", "intensity", 0.3, _any_direction("residual"), ("residual",), True),
         Covariate("spread", "px", 1e-2, _any_direction("spread"), ("spread",), True),
         Covariate("standard-error", "px", 1e-4, _standard_error, ("standard-error",)),
+        Covariate("own-uncertainty", "px", 1e-3, _own_uncertainty, ("own-uncertainty",)),
     )
 }  # fmt: skip
 

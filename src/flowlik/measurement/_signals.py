@@ -26,7 +26,8 @@ PATCHES = 1_000
 class Pair:
     """An image pair, its flow there and back as functions of pixels (N, 2), and the vectors in question.
 
-    ``gradients`` are those of the previous image.
+    ``gradients`` are those of the previous image; ``own_at`` are the method's own standard deviations (N, 2)
+    [px], if it tells any.
     """
 
     previous: Image
@@ -36,6 +37,7 @@ class Pair:
     back_at: FlowAt
     pixels: Array
     flow: Array
+    own_at: FlowAt | None = None
 
 
 def _discrepancy(pair: Pair) -> Array:
@@ -90,8 +92,16 @@ def _standard_error(pair: Pair) -> Array:
     return covariance
 
 
+def _own_uncertainty(pair: Pair) -> Array:
+    """Standard deviations (N, 2) [px] along u and v that the flow method itself tells."""
+    if pair.own_at is None:
+        raise ModelError("the flow tells no uncertainty of its own, which the signal own-uncertainty is")
+    return pair.own_at(pair.pixels)
+
+
 SIGNALS: dict[str, Callable[[Pair], NDArray[np.float64]]] = {
     "discrepancy": _discrepancy,
+    "own-uncertainty": _own_uncertainty,
     "residual": _residual,
     "spread": _spread,
     "standard-error": _standard_error,

@@ -118,7 +118,8 @@ def measure(
         If a signal is unknown.
     """
     check_pair(previous, current)
-    flow_at, back_at = samplers(method, previous, current)
+    signals = tuple(signals)
+    flow_at, back_at, own_at = samplers(method, previous, current, both="discrepancy" in signals)
     if pixels is not None:
         pixels = _checked_pixels(pixels, previous.shape)
         flow = flow_at(pixels)
@@ -132,7 +133,7 @@ def measure(
         pixels, flow = method.measure(previous, current)
     gradients = derivatives(previous)
     m = _textured(previous, gradients, pixels, flow, method, texture)
-    pair = Pair(previous, current, gradients, flow_at, back_at, m.pixels, m.flow)
+    pair = Pair(previous, current, gradients, flow_at, back_at, m.pixels, m.flow, own_at)
     placed = method.anchors(gradients, m.pixels) if isinstance(method, Windowed) else m.pixels
     return replace(m, pixels=placed, signals={name: signal(name)(pair) for name in signals})
 

@@ -12,6 +12,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "baselines": ("poselib",),
     "cluster": ("dask", "distributed"),
     "fusion": ("gtsam",),
+    "onnx": ("onnxruntime",),
     "ros": ("rosbags",),
     "viz": ("rerun",),
 }
