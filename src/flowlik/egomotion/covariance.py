@@ -107,9 +107,7 @@ def score_covariance(
     weights = np.stack(
         [correlation.isotropic, correlation.isotropic + correlation.vertical, correlation.along]
     )
-    flat = G.reshape(len(G), -1)
-    products, whole = flat.T @ flat, (np.ones(len(G)) @ flat).reshape(-1, 6)
-    own = [products[first : first + 6, first : first + 6] for first in (0, 6, 12)]
+    own, whole = _products(G)
     B = np.tensordot(weights[:, 0], own, axes=1) + whole.T @ (weights[:, -1:] * whole)
     for scale, of_scale in zip(correlation.scales_px, weights.T[1:-1]):
         if (of_scale > 0).any():
@@ -171,6 +169,24 @@ def _whitened(directions, fisher, J, along):  # type: ignore[no-untyped-def]
         for j in range(6):
             G[i, 2, j] = along[i, 0] * G[i, 0, j] + along[i, 1] * G[i, 1, j]
     return G
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+def _products(G):  # type: ignore[no-untyped-def]
+    """Sums over vectors of ``G_k^T G_k`` (K, 6, 6) and of G_k (K, 6).
+
+    A library's product would wake a thread for it, which spins where other work wants the core.
+    """
+    kinds = G.shape[1]
+    own, whole = np.zeros((kinds, 6, 6)), np.zeros((kinds, 6))
+    for i in range(len(G)):
+        for k in range(kinds):
+            g = G[i, k]
+            for j in range(6):
+                whole[k, j] += g[j]
+                for m in range(6):
+                    own[k, j, m] += g[j] * g[m]
+    return own, whole
 
 
 @njit(cache=True, inline="always")
