@@ -94,6 +94,26 @@ def test_the_discrepancy_is_the_way_there_and_back(measured):
     assert np.nanmedian(np.abs(measured.signals["discrepancy"])) < 0.1
 
 
+def test_the_patch_discrepancy_is_opencv_s_search_from_the_start():
+    rng = np.random.default_rng(1)
+    pixels = rng.uniform([20, 20], [80, 50], (100, 2)).astype(np.float32)
+    p = pair(rng.normal([1.3, -0.6], 0.3, (100, 2)).astype(np.float32), pixels=pixels.astype(float))
+    found, status, _ = cv2.calcOpticalFlowPyrLK(
+        CURRENT, PREVIOUS, (p.pixels + p.flow).astype(np.float32)[:, None], pixels[:, None].copy(),
+        winSize=(9, 9), maxLevel=0, criteria=(3, 30, 0.01), flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+    )  # fmt: skip
+    d = SIGNALS["patch-discrepancy"](p)
+    assert status.all()
+    assert np.median(np.abs(d - (found[:, 0] - pixels))) < 1e-3
+    # the patch at a wrong end is found again where it belongs
+    np.testing.assert_allclose(np.median(d - (p.flow - [1.3, -0.6]), axis=0), 0, atol=0.02)
+
+
+def test_a_patch_that_leaves_the_image_has_no_way_back():
+    d = SIGNALS["patch-discrepancy"](pair([[200.0, 0.0]], pixels=np.array([[50.0, 40.0]])))
+    assert np.isnan(d).all()
+
+
 def test_the_residual_agrees_with_numpy():
     flow = np.array([[1.0, 2.0], [-3.0, 0.0], [4.0, 1.0]])
     found = SIGNALS["residual"](pair(flow))

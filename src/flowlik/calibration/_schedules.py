@@ -10,7 +10,7 @@ import numpy as np
 from flowlik.calibration._learn import Rows, learn_index
 from flowlik.calibration.sketch import ErrorSketch, merge_all
 from flowlik.errors import CalibrationError
-from flowlik.flow.base import DenseFlow, DensePairs, FlowMethod
+from flowlik.flow.base import DenseFlow, DensePairs, FlowMethod, TwoWay
 from flowlik.likelihood.families import error_family
 from flowlik.likelihood.schedule import Index, Input, Term
 
@@ -31,8 +31,9 @@ class IndexForm:
 
 
 # each covariate, and the products, earn 0.015 nat or more on worlds neither calibrated nor reported on
-SPARSE = IndexForm(("texture", "flow", "discrepancy", "residual", "standard-error"))
-DENSE = IndexForm((*SPARSE.covariates, "spread"))
+TWO_WAY = IndexForm(("texture", "flow", "discrepancy", "residual", "standard-error"))
+ONE_WAY = IndexForm(("texture", "flow", "patch-discrepancy", "residual", "standard-error"))
+DENSE = IndexForm((*ONE_WAY.covariates, "spread"))
 
 
 def check_schedule(schedule: str) -> None:
@@ -48,13 +49,16 @@ def check_schedule(schedule: str) -> None:
 
 
 def index_form(method: FlowMethod) -> IndexForm:
-    """Form of a method's learned index: a dense one also has neighbours to compare its flow with.
+    """Form of a method's learned index.
 
-    What the flow itself tells of its uncertainty enters too: the index learns what it is worth.
+    Flow back is for methods that find it along with the flow there. A dense one also has neighbours to
+    compare its flow with. What the flow says of its own uncertainty enters too: the index learns its worth.
     """
     if isinstance(method, DensePairs) and method.tells_uncertainty:
         return IndexForm((*DENSE.covariates, "own-uncertainty"))
-    return DENSE if isinstance(method, DenseFlow) else SPARSE
+    if isinstance(method, DenseFlow):
+        return DENSE
+    return TWO_WAY if isinstance(method, TwoWay) else ONE_WAY
 
 
 def schedule_index(schedule: str, populations: Sequence[Sequence[ErrorSketch]], form: IndexForm) -> Index:

@@ -68,9 +68,9 @@ def _known(values: Array) -> Array:
     return np.where(np.isfinite(values), values, np.inf)
 
 
-def _discrepancy(m: Measurements, n: Array) -> Array:
+def _projected(name: str, across: bool = False) -> Callable[[Measurements, Array], Array]:
     # infinite in both components where there is no way back: no direction of it is better known
-    return _known(_dot(_signal(m, "discrepancy"), n))
+    return lambda m, n: _known(_dot(_signal(m, name), _normal(n) if across else n))
 
 
 def _standard_error(m: Measurements, n: Array) -> Array:
@@ -96,9 +96,12 @@ COVARIATES: dict[str, Covariate] = {
         Covariate("texture-across", "intensity²/px²", 1e-2, lambda m, n: _texture(m, _normal(n))),
         Covariate("flow", "px", 0.05, lambda m, n: np.linalg.norm(m.flow, axis=1), isotropic=True),
         Covariate("flow-along", "px", 0.02, lambda m, n: _dot(m.flow, n)),
-        Covariate("discrepancy", "px", 1e-3, _discrepancy, ("discrepancy",)),
+        Covariate("discrepancy", "px", 1e-3, _projected("discrepancy"), ("discrepancy",)),
+        Covariate("discrepancy-across", "px", 1e-3, _projected("discrepancy", across=True), ("discrepancy",)),
+        Covariate("patch-discrepancy", "px", 1e-3, _projected("patch-discrepancy"), ("patch-discrepancy",)),
         Covariate(
-            "discrepancy-across", "px", 1e-3, lambda m, n: _discrepancy(m, _normal(n)), ("discrepancy",)
+            "patch-discrepancy-across", "px", 1e-3, _projected("patch-discrepancy", across=True),
+            ("patch-discrepancy",),
         ),
         Covariate("residual", "intensity", 0.3, _any_direction("residual"), ("residual",), True),
         Covariate("spread", "px", 1e-2, _any_direction("spread"), ("spread",), True),

@@ -28,7 +28,7 @@ from flowlik.likelihood.tables import magnitude_nodes
 from flowlik.results.records import Record, protocol
 from flowlik.support.arrays import Array
 
-ACROSS = {"texture": "texture-across", "discrepancy": "discrepancy-across"}
+ACROSS = {name: f"{name}-across" for name in ("texture", "discrepancy", "patch-discrepancy")}
 RATIO_EDGES = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 COARSE_EDGES = np.array([0.0, 0.1, 0.3, 0.5, 0.7, 1.0])
 ALIKE = 0.7
