@@ -67,7 +67,7 @@ def main() -> None:
         found = verdicts_of(tasks, folder, options.workers)
     folder.records += records_of(found, options.seed)
     print(table(folder.records))
-    heat_map(folder.records, folder.begin() / "figures" / "gauntlet.png")
+    folder.save("gauntlet", "all", heat_map(folder.records))
     if options.docs is not None:
         write_docs(options.docs, folder.records)
     print(f"\nreport: {finish(folder)}", file=sys.stderr)

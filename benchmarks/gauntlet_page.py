@@ -1,4 +1,4 @@
-"""What is shown of the gauntlet: the tables of a page of the documentation, and a heat map.
+"""What is shown of the gauntlet: the tables of a page of the documentation, and the report's heat map.
 
     python benchmarks/gauntlet_page.py RUN PAGE
 
@@ -84,37 +84,20 @@ def write_docs(page: Path, records: list[Record]) -> None:
     page.write_text(f"{before}{BEGIN}\n{markdown(records)}\n{END}{after}", encoding="utf-8")
 
 
-def heat_map(records: list[Record], path: Path) -> None:
-    """Draw the rate of grossly wrong motions, scenario by flow and residual, a panel an estimator."""
-    from matplotlib import colormaps
-    from matplotlib.colors import LogNorm
-    from matplotlib.figure import Figure
-
+def heat_map(records: list[Record]) -> dict[str, np.ndarray]:
+    """Arrays of the report's heat map: rates of grossly wrong motions, scenario by flow and residual."""
     names = [name for name in SCENARIOS if any(r.dataset == name for r in records)]
     estimators = [name for name in (*OURS, *RIVALS) if any(r.estimator == name for r in records)]
-    figure = Figure(figsize=(3 + 2.2 * len(estimators), 1.5 + 0.24 * len(names)), layout="constrained")
-    panels = figure.subplots(1, len(estimators), sharey=True, squeeze=False)[0]
-    chosen = select(records, metric="grossly_wrong_rate")
-    # the scale begins at the goal of 0.2 %: what is below it is white
-    colours = colormaps["OrRd"].with_extremes(under="white", bad="#dddddd")
-    for ax, who in zip(panels, estimators):
-        rates = np.full((len(names), len(FLOW_HEADS) * len(RESIDUAL_HEADS)), np.nan)
-        for r in select(chosen, estimator=who):
-            column = list(RESIDUAL_HEADS).index(residual_of(r)) * len(FLOW_HEADS)
-            column += list(FLOW_HEADS).index(str(r.flow))
-            rates[names.index(str(r.dataset)), column] = np.nan if r.value is None else r.value
-        # a logarithm of 0 would be drawn as if nothing was claimed
-        seen = np.maximum(rates, 1e-4)
-        drawn = ax.imshow(seen, cmap=colours, norm=LogNorm(0.002, 1.0), aspect="auto", interpolation="none")
-        for (i, j), rate in np.ndenumerate(rates):
-            if rate >= 0.002:
-                ax.text(j, i, f"{100 * rate:.3g}", ha="center", va="center", fontsize=6)
-        ax.set_xticks(range(len(COLUMN_HEADS)), COLUMN_HEADS, rotation=90, fontsize=7)
-        ax.set_yticks(range(len(names)), names, fontsize=7)
-        ax.set_title(who, fontsize=9)
-    figure.colorbar(drawn, ax=panels, label="grossly wrong, share of what is claimed")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=130)
+    rates = np.full((len(estimators), len(names), len(COLUMN_HEADS)), np.nan)
+    for r in select(records, metric="grossly_wrong_rate"):
+        column = list(RESIDUAL_HEADS).index(residual_of(r)) * len(FLOW_HEADS)
+        column += list(FLOW_HEADS).index(str(r.flow))
+        place = estimators.index(str(r.estimator)), names.index(str(r.dataset)), column
+        rates[place] = np.nan if r.value is None else r.value
+    return {
+        "situations": np.array(names), "columns": np.array(COLUMN_HEADS),
+        "estimators": np.array(estimators), "rates": rates,
+    }  # fmt: skip
 
 
 def _cell(values: dict[tuple, float | None], name: str, flow: str, kind: str) -> str:

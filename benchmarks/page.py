@@ -1,5 +1,7 @@
 """Look at a report as a browser shows it: no console errors, no overflow, light and dark, wide and narrow.
 
+What it answers must stand on the first screen of a desktop, and all else be folded.
+
     python benchmarks/page.py RUN [--out FOLDER]
 
 Needs Chromium. With --out, screenshots are left to look at. The exit code is 1 if something is wrong.
@@ -19,15 +21,20 @@ from pathlib import Path
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 WIDTHS = {"phone": 390, "desktop": 1280}
+FIRST_SCREEN = 800  # px: what a desktop shows without scrolling
 PROBE = """<script>
 addEventListener("load", () => {
   const images = [...document.images];
   const found = {
     overflow: document.documentElement.scrollWidth - innerWidth,
     images: images.length,
-    broken: images.filter(i => !i.complete || !i.naturalWidth).length,
-    uncaptioned: [...document.querySelectorAll("figure")].filter(
+    broken: images.filter(i => i.loading != "lazy" && (!i.complete || !i.naturalWidth)).length,
+    uncaptioned: [...document.querySelectorAll(".grid figure")].filter(
       f => !f.querySelector("figcaption").textContent.trim() || !f.querySelector(".made code")).length,
+    first: Math.ceil(document.querySelector("#first").getBoundingClientRect().bottom),
+    unfolded: document.querySelectorAll("details[open]").length,
+    cut: [...document.querySelectorAll("#first table, #first img, #first dl")].filter(
+      e => e.getBoundingClientRect().right > innerWidth || e.scrollWidth > e.clientWidth + 1).length,
     remote: performance.getEntriesByType("resource").filter(r => /^https?:/.test(r.name)).length,
     page: getComputedStyle(document.body).backgroundColor,
   };
@@ -70,9 +77,10 @@ def check(program: str, page: Path, out: Path | None = None) -> list[str]:
     """What is wrong with a page in a browser, one line each."""
     wrong = []
     with tempfile.TemporaryDirectory() as folder:
-        # a page without the folder it came from must show the same
+        # a page with its figures, and nothing else of the run, must show the same
         alone = Path(folder) / "alone.html"
         alone.write_text(page.read_text().replace("</body>", PROBE))
+        shutil.copytree(page.parent / "figures", Path(folder) / "figures")
         # headless Chromium has no window narrower than 500 px, a frame has
         for name, width in WIDTHS.items():
             for dark in (False, True):
@@ -88,9 +96,11 @@ def check(program: str, page: Path, out: Path | None = None) -> list[str]:
                     continue
                 facts = json.loads(found[1])
                 print(f"{name:8} {scheme:6}", facts)
-                for key in ("overflow", "broken", "uncaptioned", "remote"):
+                for key in ("overflow", "broken", "uncaptioned", "unfolded", "cut", "remote"):
                     if facts[key] > 0:
                         wrong.append(f"{name}, {scheme}: {key} {facts[key]}")
+                if name == "desktop" and facts["first"] > FIRST_SCREEN:
+                    wrong.append(f"{name}, {scheme}: the first screen ends at {facts['first']} px")
                 if out is not None:
                     out.mkdir(parents=True, exist_ok=True)
                     shot = (out / f"{name}-{scheme}.png").resolve()

@@ -16,6 +16,7 @@ import gauntlet_table as table
 from flowlik.egomotion import EgoMotion, Epipolar, KnownDepth, Status
 from flowlik.geometry.motion import exp_se3
 from flowlik.likelihood.model_file import load_likelihood
+from flowlik.report._figures import check as check_figure
 from gauntlet_clips import CAMERA
 from gauntlet_scenarios import SCENARIOS
 from gauntlet_scene import Scene, natural_textures, plane, turn
@@ -266,8 +267,10 @@ def test_tables_of_a_page_are_put_between_its_marks(tmp_path):
     assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
     assert "4 to 4 motions a cell, seed 7 and on. Not run: pan of 0.1° a frame; " in text
     assert "| pan of 1° a frame | **25.0** / 25.0 · 100 |" in text
-    page.heat_map(records, tmp_path / "map.png")
-    assert cv2.imread(str(tmp_path / "map.png")) is not None
+    drawn = page.heat_map(records)
+    assert drawn["rates"].shape == (2, 1, 6)
+    np.testing.assert_array_equal(drawn["rates"], 0.25)
+    check_figure("gauntlet", drawn)
     path.write_text("no marks", encoding="utf-8")
     with pytest.raises(ValueError, match="no place"):
         page.write_docs(path, records)

@@ -14,7 +14,7 @@ DRAWN: dict = {}
 
 
 def cache_by_kind(render):
-    def render_once(kind, data):
+    def render_once(kind, data, svg=False):
         if kind not in DRAWN:
             DRAWN[kind] = render(kind, data)
         return DRAWN[kind]

@@ -204,6 +204,16 @@ def outliers(rng, H=24, W=36, V=20):
     }
 
 
+def gauntlet(rng, S=6, C=4):
+    rates = rng.choice([0.0, 0.001, 0.05, 0.6, np.nan], (2, S, C))
+    return {
+        "situations": np.array([f"situation-{k}" for k in range(S)]),
+        "columns": np.array(["LK, depth", "DIS, depth", "LK, one camera", "DIS, one camera"]),
+        "estimators": np.array(["lcmsac", "opencv"]),
+        "rates": rates,
+    }
+
+
 MAKERS = {
     "uncertainty": uncertainty,
     "flow-sequence": flow_sequence,
@@ -222,6 +232,7 @@ MAKERS = {
     "segment-errors": segment_errors,
     "intrinsics": intrinsics,
     "outliers": outliers,
+    "gauntlet": gauntlet,
 }
 
 
@@ -239,6 +250,8 @@ def records():
         replace(fit, family="log-logistic", value=0.0521),
         replace(fit, family="gaussian", value=0.28),
         replace(fit, metric="coverage_90", value=0.9012, count=1234567),
+        replace(fit, metric="coverage_90", family="gaussian", value=0.99),
+        *(replace(fit, metric=f"coverage_{n}", value=n / 100 - 0.02) for n in (50, 68, 95, 99)),
         replace(fit, metric="ks_signed_max", value=None, protocol="metric=ks; reason=too few components"),
         drift,
         replace(drift, family="gaussian", estimator="ransac", value=4.5),

@@ -10,7 +10,7 @@ page = pytest.importorskip("page", reason="the benchmarks are not beside the tes
 
 
 def test_nothing_is_wrong_in_a_browser(built):
-    """No console errors, nothing broken or remote or too wide, on a phone and a desktop, light and dark."""
+    """First screen, folding, nothing broken or too wide, on a phone and a desktop, light and dark."""
     if (program := page.browser()) is None:
         pytest.skip("no Chromium is installed")
     assert page.check(program, (built / "report.html").resolve()) == []

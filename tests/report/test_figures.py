@@ -7,12 +7,13 @@ import pytest
 
 from flowlik import report
 from flowlik.errors import DataError
-from flowlik.report._draw_calibration import _magnitude_quantile, draw_table
+from flowlik.report._draw_calibration import _magnitude_quantile, draw_distributions, draw_table
 from flowlik.report._draw_motion import _widest_axes
 from flowlik.report._figures import caption, check, render
 from flowlik.report._hue import flow_scale, hue_colours
 from flowlik.report._kinds import FIGURES
 from flowlik.report._style import grouped, looks, nice
+from flowlik.report.names import data_name
 from tests.report.fake_run import MAKERS, make
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -23,19 +24,30 @@ def test_every_kind_has_data_to_test_it():
 
 
 @pytest.mark.parametrize("kind", FIGURES)
-def test_every_kind_is_drawn_as_png_and_svg(built, kind):
-    stem = built / "figures" / f"{kind}--farneback-test"
-    png = stem.with_name(stem.name + ".png").read_bytes()
-    assert png.startswith(PNG) and len(png) > 4_000
-    assert ET.parse(stem.with_name(stem.name + ".svg")).getroot().tag.endswith("svg")
+def test_every_kind_is_drawn_as_png(built, kind):
+    png = (built / "figures" / f"{kind}--farneback-test.png").read_bytes()
+    assert png.startswith(PNG) and len(png) > 2_000
 
 
 @pytest.mark.parametrize("kind", ["coverage", "uncertainty"])
 def test_drawing_twice_gives_equal_bytes(built, kind):
-    stem = built / "figures" / f"{kind}--farneback-test"
-    again = render(kind, make(kind))
-    assert again.png == stem.with_name(stem.name + ".png").read_bytes()
-    assert again.svg == stem.with_name(stem.name + ".svg").read_bytes()
+    again, vector = (render(kind, make(kind), svg=svg) for svg in (False, True))
+    assert again.png == vector.png == (built / "figures" / f"{kind}--farneback-test.png").read_bytes()
+    assert vector.svg == render(kind, make(kind), svg=True).svg and not again.svg
+    assert ET.fromstring(vector.svg).tag.endswith("svg")
+
+
+@pytest.mark.parametrize("kind", ["goodness", "pit", "levels", "coverage", "sparsification", "frame-errors"])
+def test_no_legend_hides_a_curve(kind):
+    figure = FIGURES[kind].draw(make(kind))
+    assert len(figure.legends) == 1
+    assert not any(ax.get_legend() for ax in figure.axes)
+
+
+def test_the_linear_panels_of_distributions_show_the_middle_of_the_errors():
+    data = make("distributions")
+    linear, logarithmic = draw_distributions(data).axes[:2]
+    assert 1 < linear.get_xlim()[1] < 12 < logarithmic.get_xlim()[1]  # a scale of 3 px, tails beyond
 
 
 def test_importing_the_report_loads_no_plotting_library():
@@ -134,10 +146,16 @@ def test_looks_are_the_same_however_a_name_is_spelled():
     assert len({lcm.colour, loglogistic.colour, other.colour, second.colour}) == 4
 
 
-def test_a_schedule_changes_the_line_but_not_the_colour():
-    index, texture, plain = looks(["lcm · index", "lcm · texture", "lcm"])
-    assert index.colour == texture.colour == plain.colour and index.dash != texture.dash
-    assert index.label == "LCM · index"
+def test_models_have_the_names_that_a_reader_knows():
+    names = ["lcm · texture", "lcm", "glc · index", "gaussian · texture", "glc · texture", "lcm · flow"]
+    labels = [look.label for look in looks(names)]
+    assert labels == ["paper's", "paper's", "learned", "Gaussian", "GLC over texture", "LCM, flow length"]
+    flown = [look.label for look in looks(["lcmsac", "lcmsac-index", "opencv-pnp"])]
+    assert flown == ["LCMSAC, paper's", "LCMSAC, learned", "OpenCV"]
+    assert [look.label for look in looks(["lcmsac", "ransac"])] == ["LCMSAC", "RANSAC"]
+    assert data_name("forest-small-curve-9mps-seed101") == "curve at 9 m/s (small forest)"
+    assert data_name("forest-small-calibration") == "calibration flights, in sample (small forest)"
+    assert data_name("KITTI-03") == "KITTI-03"
 
 
 def test_a_table_over_an_index_says_so():
@@ -152,7 +170,7 @@ def test_bands_and_a_floor_are_drawn():
     goodness = make("goodness")
     goodness["floor"] = np.full(len(goodness["texture"]), 0.01)
     for kind, data in (("table", table), ("goodness", goodness)):
-        assert render(kind, data).svg != render(kind, make(kind)).svg
+        assert render(kind, data).png != render(kind, make(kind)).png
 
 
 @pytest.mark.parametrize(("value", "expected"), [(1, 1), (0.99, 0.5), (49, 20), (0, 1), (np.nan, 1)])

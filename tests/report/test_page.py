@@ -55,18 +55,22 @@ def test_tags_balance(page):
     assert page.open == []
 
 
-def test_page_is_self_contained(page, html):
-    assert len(page.sources) == len(MAKERS)
-    assert all(re.match(r"data:image/(png|svg\+xml);base64,", source) for source in page.sources)
+FRONT = {"figures/front-uncertainty--farneback-test.png", "figures/front-coverage.png"}
+
+
+def test_page_needs_nothing_but_its_figures(page, html, built):
+    assert len(page.sources) == len(set(page.sources)) == len(MAKERS) + len(FRONT)
+    assert set(page.sources) == set(page.links)
+    assert {f"figures/{path.name}" for path in (built / "figures").iterdir()} == set(page.sources)
     assert "script" not in page.tags and "link" not in page.tags
-    shell = re.sub(r'src="data:[^"]*"', "", html)
-    assert "http" not in shell and "@import" not in shell and "url(" not in shell
+    assert "data:" not in html and "http" not in html and "@import" not in html and "url(" not in html
 
 
-def test_links_lead_to_the_figures(page, built):
-    files = [link for link in page.links if link.startswith("figures/")]
-    assert len(files) == 2 * len(MAKERS) and all((built / link).is_file() for link in files)
-    assert all(link.startswith(("figures/", "#")) for link in page.links)
+def test_two_pictures_stand_first_and_the_rest_is_folded(html):
+    first, _, rest = html.partition("</section>")
+    assert set(re.findall(r'<img src="([^"]*)"', first)) == FRONT
+    assert rest.count('<img loading="lazy"') == len(MAKERS)
+    assert "<details open" not in html
 
 
 def test_page_shows_every_table_value(html):
@@ -112,7 +116,17 @@ def test_figures_stand_under_their_flow_method(tmp_path):
     run = write_run(tmp_path / "run", kinds=[])
     np.savez(run / "data" / "coverage--kitti-lucas-kanade.npz", **make("coverage"))
     text = report.build(run).read_text()
-    assert ">Lucas–Kanade</h2>" in text and '<span class="subtitle">kitti</span>' in text
+    assert "<h2>Lucas–Kanade</h2>" in text and '<span class="soft">kitti</span>' in text
+
+
+def test_figures_of_an_earlier_page_do_not_stay(tmp_path):
+    run = write_run(tmp_path / "run", kinds=["coverage", "pit"])
+    report.build(run, svg=True)
+    assert len(list((run / "figures").glob("*.svg"))) == 2
+    (run / "data" / "pit--farneback-test.npz").unlink()
+    report.build(run)
+    names = {path.name for path in (run / "figures").iterdir()}
+    assert names == {"coverage--farneback-test.png", "front-coverage.png"}
 
 
 def one_line(error):

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import pytest
 
-from flowlik.report._tables import format_value, headlines, tables
+from flowlik.report._tables import format_value, tables
 from flowlik.results.records import Record
 from tests.report.fake_run import records
 
@@ -38,7 +38,7 @@ def test_rows_are_what_was_measured_and_columns_the_metrics():
     assert fit.title == "How well the error model fits"
     assert fit.keys == ("family",)
     assert fit.common == "dataset planes, flow Farnebäck, schedule texture, seed 1"
-    assert [row.keys[-1] for row in fit.rows] == ["LCM", "log-logistic", "Gaussian"]
+    assert [row.keys[-1] for row in fit.rows] == ["paper's", "log-logistic", "Gaussian"]
     assert [row.cells[0].text for row in fit.rows] == ["0.0213", "0.0521", "0.28"]
     assert [(c.label, c.unit) for c in motion.columns] == [("Drift", "%"), ("Median translation error", "m")]
 
@@ -71,27 +71,5 @@ def test_a_metric_without_any_counted_level_says_why():
     assert empty.reason == "no value: too little data, no texture level has ≥100 components from ≥30 frames"
 
 
-def test_headlines_set_the_own_method_against_the_others():
-    drift = headlines(records())[0]
-    assert (drift.value, drift.who, drift.others) == ("1.25 %", "LCMSAC · Farnebäck · fig8", "RANSAC 4.5")
-
-
-def test_the_model_a_run_is_about_stands_first_and_is_told_from_its_like():
-    found = [
-        Record("coverage_90", value, "", "here", "dis", family, schedule)
-        for value, family, schedule in (
-            (0.8, "lcm", "texture"),
-            (0.85, "glc", "texture"),
-            (0.9, "glc", "index"),
-        )
-    ]
-    (told,) = headlines(found, {"family": "glc", "schedule": "index"})
-    assert (told.value, told.who, told.others) == (
-        "0.9",
-        "GLC · index · DIS · here",
-        "LCM 0.8, GLC · texture 0.85",
-    )
-
-
 def test_no_records_make_no_tables():
-    assert tables([]) == [] and headlines([]) == []
+    assert tables([]) == []

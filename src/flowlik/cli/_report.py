@@ -12,15 +12,16 @@ from flowlik.cli._options import Json, show_records
 
 def run(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a finished run.")],
+    svg: Annotated[bool, typer.Option("--svg", help="Draw the figures as SVG too.")] = False,
     json: Json = False,
 ) -> None:
     """Rebuild the figures and the page of a run from its data and metrics.
 
-    Example: `flowlik report run`
+    Example: `flowlik report run --svg`
     """
     from flowlik.report import build
 
-    page = build(folder)
+    page = build(folder, svg)
     if json:
         from flowlik.results.records import read_records
 

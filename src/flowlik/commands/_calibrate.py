@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,6 +34,7 @@ from flowlik.datasets.base import ImageSequence
 from flowlik.evaluation.likelihood import (
     Counting,
     bias_records,
+    blocks_over,
     figures,
     little_data_warning,
     model_records,
@@ -111,18 +112,18 @@ def calibrate(
     by_texture, by_flow = ([block for p in populations if p for block in p[kind]] for kind in (0, 1))
     # each fit takes seconds to a minute: whoever waits is told of it
     models = fit_families(by_texture, flow, provenance, progress=progress)
-    add_evidence(run, by_texture, models, names, label, seed, **keys)
     if message := little_data_warning(merge_all(by_texture), names):
         run.warn(message)
     if schedule == "texture":
         chosen, blocks = models[family], by_texture
+        others = [model for name, model in models.items() if name != family]
     else:
         index = schedule_index(schedule, [p[0] for p in populations if p], index_form(flow))
         blocks = by_flow if schedule == "flow" else [block.over(index) for block in by_texture]
         constant = schedule == "constant"
         chosen = fit_likelihood(blocks, error_family(family), flow, provenance=provenance, constant=constant)
-        shown = {family: chosen}
-        add_evidence(run, blocks, shown, names, f"{label}-{schedule}", seed, **keys)
+        others = list(models.values())
+    add_evidence(run, [by_texture, blocks], [chosen, *others], names, label, seed, **keys)
     bands = None
     if schedule != "constant":
         rng, smoothing = np.random.default_rng(seed), chosen.goodness["fit"]["smoothing"]
@@ -207,8 +208,8 @@ def with_goodness(likelihood: FlowLikelihood, records: Sequence[Record]) -> Flow
 
 def add_evidence(
     run: RunFolder,
-    blocks: Sequence[ErrorSketch],
-    models: Mapping[str, FlowLikelihood],
+    kinds: Sequence[Sequence[ErrorSketch]],
+    models: Sequence[FlowLikelihood],
     dataset: str,
     label: str,
     seed: int | None,
@@ -217,12 +218,19 @@ def add_evidence(
 ) -> None:
     """Add to a run the records and figures of models on one population of errors.
 
-    The first model is the one drawn in detail.
+    The population's blocks are given over each index that a model has. The first model is the one drawn in
+    detail.
+
+    Raises
+    ------
+    CalibrationError
+        If there are no blocks over a model's index.
     """
-    merged, main = merge_all(blocks), next(iter(models.values()))
-    for model in models.values():
-        run.records += model_records(blocks, model, dataset, seed, counting, **keys)
-    drawn = figures([blocks], models, counting)
+    main = models[0]
+    merged = merge_all(blocks_over(kinds, main))
+    for model in models:
+        run.records += model_records(blocks_over(kinds, model), model, dataset, seed, counting, **keys)
+    drawn = figures(kinds, {f"{m.family.name} · {m.schedule.name}": m for m in models}, counting)
     flow = method_label(main.method) if main.method else None
     if select(run.records, metric="negative_share", dataset=dataset, flow=flow):
         del drawn["bias"]  # it is the flow's, whatever the schedule

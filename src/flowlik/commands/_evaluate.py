@@ -71,9 +71,8 @@ def evaluate(
         if not any(s.total for s in sketches):
             raise DataError(f"{sequence.name}: no errors to evaluate (one image, no texture or no truth?)")
         label = f"{method_label(likelihood.method or {})}-{sequence.name.replace('/', '-')}"
-        models = {likelihood.family.name: likelihood}
         keys = {"split": "evaluation", **options.images}
-        add_evidence(run, sketches, models, sequence.name, label, options.seed, COUNTING, **keys)
+        add_evidence(run, [sketches], [likelihood], sequence.name, label, options.seed, COUNTING, **keys)
         if message := little_data_warning(merge_all(sketches), sequence.name):
             run.warn(message)
     finish(run)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flowlik.commands._pictures import uncertainty_picture
 from flowlik.commands.options import FlowOptions
 from flowlik.datasets import read_grey
 from flowlik.datasets.agreement import pair_doubt
@@ -94,7 +95,7 @@ def flow(
     )
     if message := outside_warning(likelihood.schedule.outside(x), "this image"):
         run.warn(message)
-    picture = _picture(image, m, half_width, confidence)
+    picture = uncertainty_picture(image, m, half_width, confidence)
     run.save("uncertainty", method_label(m.method), picture)
     _write(run, picture, m, half_width, likelihood.covariance(m, confidence), confidence)
     shown.pair(0.0, image, m, likelihood, confidence)
@@ -208,17 +209,3 @@ def _in_ellipse(m: Measurements, truth: Array, likelihood: FlowLikelihood, level
     error = m.flow - truth
     whitened = np.linalg.solve(likelihood.covariance(m, level), error[..., None])[..., 0]
     return np.asarray((error * whitened).sum(axis=-1) <= -2.0 * np.log1p(-level))
-
-
-def _picture(image: Image, m: Measurements, half_width: Array, confidence: float) -> dict[str, NDArray[Any]]:
-    """Arrays of the uncertainty figure: maps that are NaN where nothing was measured."""
-    column, row = np.rint(m.pixels).astype(int).T
-    maps = {
-        "flow": np.full((*image.shape, 2), np.nan, np.float32),
-        "half_width": np.full((*image.shape, 2), np.nan, np.float32),
-        "angle": np.full(image.shape, np.nan, np.float32),
-    }
-    maps["flow"][row, column] = m.flow
-    maps["half_width"][row, column] = half_width
-    maps["angle"][row, column] = np.arctan2(m.R_i_e[:, 1, 0], m.R_i_e[:, 0, 0])
-    return {"image": image, **maps, "confidence": np.array(confidence)}

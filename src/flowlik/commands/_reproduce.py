@@ -135,13 +135,13 @@ def _calibrate(
         "sensor": "default",
     }
     models = fit_families(blocks, method, provenance, FAMILIES_SHOWN, SMOOTHING_NAT)
-    dataset = f"{plan.world}-calibration"
-    _add_evidence(run, blocks, models, dataset, method, plan, "in sample")
     run.save("table", method.name, table_arrays(merge_all(blocks), models["lcm"]))
     index = schedule_index("index", flights, index_form(method))
     over = [block.over(index) for block in blocks]
     best = fit_families(over, method, provenance, (BEST_FAMILY,), SMOOTHING_NAT)
-    _add_evidence(run, over, best, dataset, method, plan, "in sample")
+    dataset = f"{plan.world}-calibration"
+    shown = [*models.values(), best[BEST_FAMILY]]
+    _add_evidence(run, [blocks, over], shown, dataset, method, plan, "in sample")
     fitted = {"index": best[BEST_FAMILY], "lcm": models["lcm"]}
     used = {name: with_shared_errors(model, pairs) for name, model in fitted.items()}
     folder = run.path / "models"
@@ -160,22 +160,18 @@ def _evaluate(
     by_index: list[ErrorSketch],
 ) -> None:
     """Evidence on a held-out flight of the families over texture, and of the best over the index."""
-    over_texture = {name: model for name, model in models.items() if name != "index"}
-    dataset = plan.dataset(flight)
-    _add_evidence(run, by_texture, over_texture, dataset, method, plan, "held-out")
-    _add_evidence(run, by_index, {BEST_FAMILY: models["index"]}, dataset, method, plan, "held-out")
+    shown = list(models.values())
+    _add_evidence(run, [by_texture, by_index], shown, plan.dataset(flight), method, plan, "held-out")
 
 
 def _add_evidence(
     run: RunFolder,
-    blocks: list[ErrorSketch],
-    models: dict[str, FlowLikelihood],
+    kinds: list[list[ErrorSketch]],
+    models: list[FlowLikelihood],
     dataset: str,
     method: FlowMethod,
     plan: Plan,
     split: str,
 ) -> None:
-    schedule = next(iter(models.values())).schedule.name
-    label = f"{method.name}-{dataset}" + ("-index" if schedule == "index" else "")
-    seed = plan.calibration[0].seed
-    add_evidence(run, blocks, models, dataset, label, seed, plan.counting, split=split)
+    label, seed = f"{method.name}-{dataset}", plan.calibration[0].seed
+    add_evidence(run, kinds, models, dataset, label, seed, plan.counting, split=split)

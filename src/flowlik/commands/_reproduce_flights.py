@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
+from flowlik.commands._pictures import uncertainty_picture
 from flowlik.commands.options import BEST_FAMILY
 from flowlik.commands.plans import METHODS, Flight, Plan
 from flowlik.comparison.baselines import opencv_pnp
@@ -21,6 +22,7 @@ from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.trajectory import Trajectory, chain
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.measurement.features import features_of
+from flowlik.measurement.measurements import measure
 from flowlik.odometry.loop import measure_sequence
 from flowlik.results.records import Record, protocol
 from flowlik.results.runs import RunFolder
@@ -29,8 +31,10 @@ from flowlik.support.arrays import Array
 from flowlik.support.progress import Progress
 
 BASELINE = "opencv-pnp"
+REFERENCES = {"ransac": "rpe_trans_ratio_to_ransac", BASELINE: "rpe_trans_ratio_to_opencv"}
 BLOCK = 10
 """Image pairs of a block, for sketches and for the bootstrap."""
+SHOWN_LEVEL = 0.9
 
 
 def flight_sequence(run: RunFolder, plan: Plan, flight: Flight, camera: Pinhole) -> ImageSequence:
@@ -109,6 +113,8 @@ def fly(
         _save_figures(run, f"{method.name}-{dataset}", trajectories, truth)
         if method.name == "farneback":
             run.save("flow-sequence", f"{method.name}-{dataset}", _flow_sequence(sequence, method))
+        if flight == plan.held_out[0]:
+            run.save("uncertainty", f"{method.name}-{dataset}", _uncertainty(sequence, method, best))
 
 
 def _motions(
@@ -135,6 +141,17 @@ def _save_figures(run: RunFolder, label: str, trajectories: dict[str, Trajectory
     )  # fmt: skip
 
 
+def _uncertainty(
+    sequence: ImageSequence, method: FlowMethod, likelihood: FlowLikelihood
+) -> dict[str, NDArray[Any]]:
+    """Error bars of one pair in the middle of a flight."""
+    k = len(sequence) // 2
+    images = sequence.image(k), sequence.image(k + 1)
+    m = measure(*images, method, likelihood.texture, signals=likelihood.signals)
+    half_width = likelihood.bound(likelihood.coordinate(m), SHOWN_LEVEL)
+    return uncertainty_picture(images[0], m, half_width, SHOWN_LEVEL)
+
+
 def _flow_sequence(sequence: ImageSequence, method: FlowMethod) -> dict[str, NDArray[Any]]:
     """Three frames of the paper's Fig. 3: image, true flow, measured flow."""
     frames = np.linspace(0, len(sequence) - 2, 3).astype(int)
@@ -148,39 +165,32 @@ def _flow_sequence(sequence: ImageSequence, method: FlowMethod) -> dict[str, NDA
 
 
 def add_ratios(run: RunFolder, plan: Plan) -> None:
-    """Median per-frame translation error of every estimator over RANSAC's, pooled over held-out flights."""
+    """Median translation errors of a frame over RANSAC's and OpenCV's, pooled over held-out flights."""
     rng = np.random.default_rng(plan.calibration[0].seed)
     for method in METHODS:
         flights = [
             np.load(run.path / "data" / f"frame-errors--{method}-{plan.dataset(f)}.npz")
             for f in plan.held_out
         ]
-        names = list(flights[0]["names"])
-        errors = np.concatenate([flight["translation"] for flight in flights], axis=1)
-        reference = errors[names.index("ransac")]
-        for name, row in zip(names, errors):
-            if name == "ransac":
-                continue
-            low, high = _ratio_interval(row, reference, rng)
-            note = protocol(
-                reference="ransac", residual="depth", gate="none", bootstrap=f"blocks of {BLOCK} frames",
-                interval_95=f"{low:.3f} … {high:.3f}",
-            )  # fmt: skip
-            value = float(np.median(row) / np.median(reference))
-            run.records.append(
-                Record(
-                    "rpe_trans_ratio_to_ransac",
-                    value,
-                    "",
-                    dataset=f"{plan.world}-held-out",
-                    flow=method,
-                    estimator=str(name),
-                    **_density(str(name)),
-                    count=len(row),
-                    seed=run.seed,
-                    protocol=note,
-                )
-            )
+        names = [str(name) for name in flights[0]["names"]]
+        errors = dict(zip(names, np.concatenate([flight["translation"] for flight in flights], axis=1)))
+        for reference, metric in REFERENCES.items():
+            for name in (name for name in names if name != reference):
+                ratio = _ratio(errors[name], errors[reference], rng, reference)
+                keys: dict[str, Any] = {"flow": method, "estimator": name, "seed": run.seed, **_density(name)}
+                flown = f"{plan.world}-held-out"
+                run.records.append(replace(ratio, metric=metric, dataset=flown, **keys))
+
+
+def _ratio(errors: Array, reference: Array, rng: np.random.Generator, name: str) -> Record:
+    """Ratio of median errors with its interval, of no estimator yet."""
+    low, high = _ratio_interval(errors, reference, rng)
+    note = protocol(
+        reference=name, residual="depth", gate="none", bootstrap=f"blocks of {BLOCK} frames",
+        interval_95=f"{low:.3f} … {high:.3f}",
+    )  # fmt: skip
+    value = float(np.median(errors) / np.median(reference))
+    return Record("", value, "", count=len(errors), protocol=note)
 
 
 def _density(estimator: str) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Figures, tables and one self-contained page, drawn from the small files of a run folder."""
+"""Figures, tables and the page of a run, drawn from the small files of its folder."""
 
 from __future__ import annotations
 
@@ -12,18 +12,20 @@ if TYPE_CHECKING:
 __all__ = ["build", "finish", "save_figure"]
 
 
-def build(run: Path) -> Path:
+def build(run: Path, svg: bool = False) -> Path:
     """Draw every figure of a run folder and write its page.
 
     Parameters
     ----------
     run : Path
         Folder with ``run.json``, ``metrics.json`` and ``data/<kind>--<label>.npz``.
+    svg : bool
+        Whether to draw the figures as SVG too.
 
     Returns
     -------
     Path
-        The page, ``run/report.html``; the figures stand in ``run/figures`` as PNG and SVG.
+        The page, ``run/report.html``; its figures stand in ``run/figures`` as PNG.
 
     Raises
     ------
@@ -32,7 +34,7 @@ def build(run: Path) -> Path:
     """
     from flowlik.report._page import write_report
 
-    return write_report(Path(run))
+    return write_report(Path(run), svg)
 
 
 def finish(run: RunFolder) -> Path:
@@ -71,4 +73,5 @@ def save_figure(kind: str, data: Data, stem: Path) -> tuple[Path, Path]:
     from flowlik.report._figures import render
     from flowlik.report._page import write_figure
 
-    return write_figure(render(kind, data), Path(stem))
+    png, vector = write_figure(render(kind, data, svg=True), Path(stem))
+    return png, vector

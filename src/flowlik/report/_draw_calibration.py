@@ -19,6 +19,7 @@ from flowlik.report._style import (
     WIDTH,
     Data,
     grouped,
+    legend_above,
     looks,
 )
 
@@ -63,7 +64,7 @@ def draw_error_over_texture(data: Data) -> Figure:
     rows, columns = np.flatnonzero(counts.sum(axis=0)), np.flatnonzero(counts.sum(axis=1))
     if rows.size:
         ax.set(xlim=(low[columns[0]], low[columns[-1] + 1]), ylim=(high[rows[0]], high[rows[-1] + 1]))
-    ax.legend(loc="lower left")
+    legend_above(figure, ax)
     figure.colorbar(mesh, ax=ax, label="components in the bin", pad=0.01, aspect=30)
     return figure
 
@@ -120,6 +121,10 @@ def _central(z: Array, density: Array, mass: float) -> float:
     return float(np.abs(z)[order][min(inside, len(z) - 1)])
 
 
+BULK = 0.8
+"""Share of the errors that the linear panels show: their tails would hide the middle."""
+
+
 def draw_distributions(data: Data) -> Figure:
     """Draw empirical and fitted densities by texture level, linear at left and logarithmic at right."""
     levels = data["level_edges"]
@@ -128,7 +133,7 @@ def draw_distributions(data: Data) -> Figure:
     axes = figure.subplots(L, 2, squeeze=False)
     for row in range(L):
         z, empirical, fitted = (data[k][row].astype(np.float64) for k in ("z", "empirical", "fitted"))
-        for ax, mass, scale in zip(axes[row], (0.96, 0.9995), ("linear", "log")):
+        for ax, mass, scale in zip(axes[row], (BULK, 0.9995), ("linear", "log")):
             reach = 1.1 * _central(z, empirical, mass)
             near = np.abs(z) <= reach
             if scale == "log":
@@ -147,7 +152,7 @@ def draw_distributions(data: Data) -> Figure:
         )
         axes[row, 0].set_ylabel("density  [1/px]")
     axes[0, 1].set_title("the same, logarithmic", fontsize=9.5)
-    axes[0, 0].legend(loc="upper right")
+    legend_above(figure, axes[0, 0])
     for ax in axes[-1]:
         ax.set_xlabel("signed error z  [px]")
     return figure
@@ -156,7 +161,7 @@ def draw_distributions(data: Data) -> Figure:
 def draw_goodness(data: Data) -> Figure:
     """Draw the K-S distance of every family over texture, and how many components stand behind it."""
     texture, counted = data["texture"], data["counted"].astype(bool)
-    figure = Figure(figsize=(WIDTH, 4.8), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 5.2), layout="constrained")
     ax, strip = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [4, 1]})
     for look, ks in zip(looks(data["families"]), data["ks"]):
         shown = counted & np.isfinite(ks)
@@ -176,9 +181,8 @@ def draw_goodness(data: Data) -> Figure:
         label = f"between two samples: {median}"
         ax.fill_between(texture, 0, np.nan_to_num(data["floor"]), color=PALE, lw=0, label=label, zorder=0)
     ax.set(xscale="log", ylabel="K-S distance of |z|")
-    entries = len(data["families"]) + ("floor" in data)
-    ax.set_ylim(0, (1.1 + 0.08 * -(-entries // 3)) * np.nanmax(data["ks"], initial=0.05))
-    ax.legend(loc="upper right", ncols=min(entries, 3))
+    ax.set_ylim(0, 1.06 * np.nanmax(data["ks"], initial=0.05))
+    legend_above(figure, ax)
     ratio = np.exp(np.median(np.diff(np.log(texture)))) if len(texture) > 1 else 1.5
     width = texture * (np.sqrt(ratio) - 1 / np.sqrt(ratio)) * 0.9
     strip.bar(texture, data["counts"], width=width, color=np.where(counted, "#aeb6c2", "#e3e6eb"))
@@ -212,5 +216,5 @@ def draw_coverage(data: Data) -> Figure:
     left.set_title("share of errors inside the interval", fontsize=9.5)
     right.set(xlabel="promised", ylabel="observed − promised  [percentage points]")
     right.set_title("the difference: above 0 too cautious, below too bold", fontsize=9.5)
-    left.legend(loc="lower right")
+    legend_above(figure, left, 4)
     return figure

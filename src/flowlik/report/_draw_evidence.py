@@ -9,7 +9,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
-from flowlik.report._style import BLUE, GREY, PALE, TEXTURE_LABEL, VERMILION, WIDTH, Data, Look, looks
+from flowlik.report._style import (
+    BLUE,
+    GREY,
+    INK,
+    PALE,
+    TEXTURE_LABEL,
+    VERMILION,
+    WIDTH,
+    Data,
+    Look,
+    legend_above,
+    looks,
+)
 
 COVERAGE_BAND = 0.05
 HIGHEST_DENSITY = 2.0
@@ -45,7 +57,7 @@ def draw_levels(data: Data) -> Figure:
     top.set_ylim(max(0.0, min(0.8, np.nanmin(shown, initial=1.0) - 0.03)), 1.0)
     _percent(top, "y")
     bottom.set(xlabel=TEXTURE_LABEL, ylabel="negative log-likelihood  [nat]")
-    bottom.legend(loc="upper right", ncols=min(len(names), 3))
+    legend_above(figure, bottom)
     return figure
 
 
@@ -60,8 +72,8 @@ def draw_pit(data: Data) -> Figure:
         ax.stairs(density, data["edges"], baseline=None, color=look.colour, ls=look.dash, lw=1.8, label=label)
     ax.set(xlim=(0, 1), xlabel="place in the model's own distribution", ylabel="share of errors / due share")
     # a model that is far off would flatten the others; its label tells by how much it leaves the figure
-    ax.set_ylim(0, 1.25 * np.clip(data["density"].max(), 1.3, HIGHEST_DENSITY))
-    ax.legend(loc="upper center", ncols=min(len(data["names"]), 3))
+    ax.set_ylim(0, 1.04 * np.clip(data["density"].max(), 1.3, HIGHEST_DENSITY))
+    legend_above(figure, ax)
     return figure
 
 
@@ -72,17 +84,28 @@ def draw_sparsification(data: Data) -> Figure:
     axes = figure.subplots(1, len(statistics), squeeze=False, sharey=True)[0]
     for k, (ax, statistic) in enumerate(zip(axes, statistics)):
         ax.axhline(1, color=GREY, lw=1, ls="--", label="at random")
-        for look, curves, ause in zip(looks(data["names"]), data["curves"], data["ause"]):
-            label = f"{look.label}: AUSE {ause[k]:.3f}"
-            ax.plot(data["removed"], curves[k], label=label, **_line(look, markers=False))
+        for look, curves in zip(looks(data["names"]), data["curves"]):
+            ax.plot(data["removed"], curves[k], label=look.label, **_line(look, markers=False))
         ax.plot(data["removed"], data["oracle"][0, k], color=GREY, lw=1.4, label="by the true error")
         ax.set(xlim=(0, 1), xlabel="share of components removed")
+        least = " · ".join(
+            f"{look.label} {ause[k]:.2f}" for look, ause in zip(looks(data["names"]), data["ause"])
+        )
         ax.set_title(f"{statistic} of |z|", fontsize=9.5)
+        ax.annotate(
+            f"AUSE: {least}",
+            (0, -0.2),
+            xycoords="axes fraction",
+            fontsize=7.5,
+            va="top",
+            color=INK,
+            wrap=True,
+        )
         _percent(ax, "x")
-        ax.legend(loc="upper right")
     axes[0].set_ylabel("error of what stays / error of all")
-    room = 0.1 * (len(data["names"]) + 2)
-    axes[0].set_ylim(0, 1.05 * np.clip(data["curves"].max(), 1, 2) + room)
+    # a curve of gross errors that rises first is cut: what matters is below 1
+    axes[0].set_ylim(0, float(np.clip(1.05 * data["curves"].max(), 1.05, 1.5)))
+    legend_above(figure, axes[0], 4)
     return figure
 
 

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from flowlik.report._style import INK, WIDTH, Data, looks
+from flowlik.report._style import INK, WIDTH, Data, legend_above, looks
 
 Array = NDArray[np.float64]
 
@@ -20,43 +20,45 @@ def _widest_axes(positions: Array) -> tuple[int, int]:
 
 
 def draw_trajectories(data: Data) -> Figure:
-    """Draw a top view of all trajectories and, where the truth is known, their position errors over time.
+    """Draw a top view of all trajectories and, where the truth is known, how far they stray from it.
 
     Frames that could not be solved are crosses.
     """
     positions, timestamps = data["positions"].astype(np.float64), data["timestamps"]
     unit, truth = str(data["unit"]), data.get("truth")
     unsolved = data.get("unsolved", np.zeros(positions.shape[:2], bool))
-    figure = Figure(figsize=(WIDTH, 4.8), layout="constrained")
-    panels = figure.subplots(1, 2 if truth is not None else 1, squeeze=False)[0]
+    figure = Figure(figsize=(WIDTH, 4.6), layout="constrained")
+    panels = figure.subplots(1, 3 if truth is not None else 1, squeeze=False)[0]
     a, b = _widest_axes(truth if truth is not None else positions.reshape(-1, 3))
-    top = panels[0]
+    plane = f"{'xyz'[a]}–{'xyz'[b]} plane"
     if truth is not None:
-        top.plot(truth[:, a], truth[:, b], color=INK, lw=3.4, alpha=0.3, label="truth")
-        _draw_ends(top, truth[:, (a, b)], INK)
+        panels[0].plot(truth[:, a], truth[:, b], color=INK, lw=3.4, alpha=0.3, label="truth")
+        _draw_ends(panels[0], truth[:, (a, b)], INK)
     for look, path, lost in zip(looks(data["names"]), positions, unsolved):
-        top.plot(path[:, a], path[:, b], color=look.colour, lw=1.5, label=look.label)
-        _draw_ends(top, path[:, (a, b)], look.colour)
-        top.plot(path[lost, a], path[lost, b], "x", color=look.colour, ms=5, zorder=5)
+        drawn, label = [(panels[0], path[:, (a, b)])], look.label
         if truth is not None:
             error = np.linalg.norm(path - truth, axis=1)
-            seconds = timestamps - timestamps[0]
             last = error[np.isfinite(error)][-1] if np.isfinite(error).any() else np.nan
-            panels[1].plot(
-                seconds, error, color=look.colour, lw=1.5, label=f"{look.label}: {last:.3g} {unit} at the end"
-            )
-            panels[1].plot(seconds[lost], error[lost], "x", color=look.colour, ms=5, zorder=5)
-    top.set(xlabel=f"{'xyz'[a]}  [{unit}]", ylabel=f"{'xyz'[b]}  [{unit}]")
-    top.set_aspect("equal", adjustable="datalim")
-    top.set_title(f"path in the {'xyz'[a]}–{'xyz'[b]} plane (○ start, ■ end)", fontsize=9.5)
-    top.legend(loc="best")
+            label = f"{look.label}: {last:.2g} {unit} off at the end"
+            drawn += [
+                (panels[1], (path - truth)[:, (a, b)]),
+                (panels[2], np.stack([timestamps - timestamps[0], error], axis=1)),
+            ]
+        for ax, line in drawn:
+            ax.plot(*line.T, look.dash, color=look.colour, lw=1.5, label=label)
+            ax.plot(*line[lost].T, "x", color=look.colour, ms=5, zorder=5)
+        for ax, line in drawn[:2]:
+            _draw_ends(ax, line, look.colour)
+    for ax in panels[:2]:
+        ax.set(xlabel=f"{'xyz'[a]}  [{unit}]", ylabel=f"{'xyz'[b]}  [{unit}]")
+        ax.set_aspect("equal", adjustable="datalim")
+    panels[0].set_title(f"path in the {plane} (○ start, ■ end)", fontsize=9.5)
+    legend_above(figure, panels[0], 2)
     if truth is not None:
-        panels[1].set(xlabel="time  [s]", ylabel=f"position error  [{unit}]")
-        # room for the legend above the curves
-        entries = min(len(positions), 12)
-        panels[1].set_ylim(0, panels[1].get_ylim()[1] / (1 - 0.05 * max(entries, 4)))
-        panels[1].set_title("distance to the true position", fontsize=9.5)
-        panels[1].legend(loc="upper left")
+        panels[1].set_title("deviation from the true path", fontsize=9.5)
+        panels[2].set(xlabel="time  [s]", ylabel=f"distance  [{unit}]")
+        panels[2].set_ylim(bottom=0)
+        panels[2].set_title("distance to the true position", fontsize=9.5)
     return figure
 
 
@@ -69,26 +71,29 @@ def _draw_ends(ax: Axes, path: Array, colour: str) -> None:
 
 def draw_frame_errors(data: Data) -> Figure:
     """Draw per-frame translation and rotation errors: over time, and how often each size occurs."""
-    seconds = data["timestamps"] - data["timestamps"][0]
-    figure = Figure(figsize=(WIDTH, 5.6), layout="constrained")
+    seconds, names = data["timestamps"] - data["timestamps"][0], looks(data["names"])
+    figure = Figure(figsize=(WIDTH, 6.0), layout="constrained")
     axes = figure.subplots(2, 2, width_ratios=[1.5, 1])
+    medians: list[list[str]] = [[] for _ in names]
     for row, (key, unit) in enumerate((("translation", "m"), ("rotation", "deg"))):
         over_time, cumulative = axes[row]
-        for look, error in zip(looks(data["names"]), np.where(data[key] > 0, data[key], np.nan)):
+        for k, (look, error) in enumerate(zip(names, np.where(data[key] > 0, data[key], np.nan))):
             _draw_series(over_time, seconds, error, look.colour)
             ordered = np.sort(error[np.isfinite(error)])
             share = (np.arange(len(ordered)) + 1) / max(len(ordered), 1) * 100
-            median = f"median {np.median(ordered):.2g} {unit}" if len(ordered) else "none"
-            cumulative.plot(ordered, share, color=look.colour, label=f"{look.label}: {median}")
+            medians[k].append(f"{np.median(ordered):.2g} {unit}" if len(ordered) else "none")
+            cumulative.plot(ordered, share, look.dash, color=look.colour)
         over_time.set(yscale="log", ylabel=f"{key} error  [{unit}]")
         cumulative.axhline(50, color="#9aa1ab", lw=0.9, ls="--", zorder=0)
         cumulative.set(
             xscale="log", ylim=(0, 101), ylabel="frames below  [%]", xlabel=f"{key} error  [{unit}]"
         )
-        cumulative.legend(loc="upper left", fontsize=8)
     axes[0, 0].set_title("every frame (dots) and their running median (line)", fontsize=9.5)
     axes[0, 1].set_title("share of frames with a smaller error", fontsize=9.5)
     axes[1, 0].set_xlabel("time  [s]")
+    for look, both in zip(names, medians):
+        axes[0, 1].plot([], [], look.dash, color=look.colour, label=f"{look.label}: {', '.join(both)}")
+    legend_above(figure, axes[0, 1], 2, title="medians")
     return figure
 
 

@@ -18,6 +18,8 @@ from flowlik.report._style import GREY, INK, WIDTH, Data, axes_at, bare, nice
 _MARGIN, _GAP, _TITLE, _KEY = 0.12, 0.14, 0.34, 1.2
 _CROSSES = 480  # about as many over the whole image, whatever its shape
 _TALLEST = 6.6  # inches
+WIDTH_COLOURS = ("#0b3c8c", "#1f7fc4", "#35b0a7", "#d9a441", "#d1552b", "#8c1c3a")
+"""From what is known well, dark and blue, to what is not, red; none is as bright as the image."""
 
 Array = NDArray[np.float64]
 
@@ -35,11 +37,10 @@ def draw_uncertainty(data: Data) -> Figure:
     norm, cmap, scale = _width_scale(half_width), _width_map(), flow_scale(flow)
 
     ax = axes_at(figure, (WIDTH - main) / 2, _TITLE, main, main * H / W)
-    magnification, arrow_scale = _draw_crosses(ax, data, norm, cmap)
+    magnification, arrow_scale = draw_bars(ax, data)
     ax.set_title(
         f"Where flow can be trusted, and in which direction: {percent} error bars, × {magnification:g}"
     )
-    _draw_length_bar(ax, W, H)
 
     _draw_cross_key(axes_at(figure, _MARGIN, key_top, 5.3, _KEY), arrow_scale)
     _draw_colour_bar(figure, axes_at(figure, 5.75, key_top + 0.36, 2.6, 0.17), norm, cmap)
@@ -56,11 +57,17 @@ def draw_uncertainty(data: Data) -> Figure:
     return figure
 
 
-def _width_map() -> Colormap:
-    import matplotlib as mpl
+def draw_bars(ax: Axes, data: Data) -> tuple[float, float]:
+    """Draw the error bars over the image; return how many times they and the flow are magnified."""
+    H, W = data["image"].shape
+    norm = _width_scale(np.asarray(data["half_width"], dtype=np.float64))
+    found = _draw_crosses(ax, data, norm, _width_map())
+    _draw_length_bar(ax, W, H)
+    return found
 
-    colours = mpl.colormaps["plasma"](np.linspace(0.0, 0.86, 256))
-    return LinearSegmentedColormap.from_list("half-width", [tuple(map(float, c)) for c in colours])
+
+def _width_map() -> Colormap:
+    return LinearSegmentedColormap.from_list("half-width", WIDTH_COLOURS)
 
 
 def _width_scale(half_width: Array) -> LogNorm:

@@ -51,8 +51,8 @@ def _bind(letter: str, length: int, lengths: dict[str, int]) -> bool:
     return lengths.setdefault(base, length) == length
 
 
-def render(kind: str, data: Data) -> Rendered:
-    """Draw a figure as PNG and SVG.
+def render(kind: str, data: Data, svg: bool = False) -> Rendered:
+    """Draw a figure as PNG, and as SVG if wanted.
 
     Parameters
     ----------
@@ -60,6 +60,8 @@ def render(kind: str, data: Data) -> Rendered:
         A key of `FIGURES`.
     data : mapping of str to ndarray
         Its arrays, as the kind's ``required`` and ``optional`` say.
+    svg : bool
+        Whether to draw it as SVG too.
 
     Returns
     -------
@@ -73,7 +75,7 @@ def render(kind: str, data: Data) -> Rendered:
     """
     check(kind, data)
     try:
-        return render_with(FIGURES[kind].draw, data)
+        return render_with(FIGURES[kind].draw, data, svg)
     except (ValueError, TypeError, IndexError) as error:
         raise DataError(f"figure {kind} cannot be drawn: {' '.join(str(error).split())}") from error
 

@@ -23,6 +23,7 @@ from flowlik.report._draw_evidence import (
     draw_sparsification,
 )
 from flowlik.report._draw_flow import draw_sequence
+from flowlik.report._draw_gauntlet import draw_gauntlet
 from flowlik.report._draw_motion import draw_frame_errors, draw_trajectories
 from flowlik.report._draw_uncertainty import draw_uncertainty
 from flowlik.report._style import Data
@@ -96,8 +97,8 @@ FIGURES: dict[str, FigureKind] = {
     "distributions": FigureKind(
         draw_distributions,
         "Measured and fitted error distributions",
-        "One row per range of texture [intensity²/px²], from little to much. Left: the bulk of the "
-        "errors on a linear scale. Right: a wider range on a logarithmic scale, which shows the "
+        "One row per range of texture [intensity²/px²], from little to much. Left: the middle 80 % of the "
+        "errors on a linear scale. Right: all but a few on a logarithmic scale, which shows the "
         "tails. The fitted line should follow the measured errors in both. Negative errors mean the "
         "flow falls short.",
         {"level_edges": "L 2", "z": "L B", "empirical": "L B", "fitted": "L B"},
@@ -194,9 +195,10 @@ FIGURES: dict[str, FigureKind] = {
     "trajectories": FigureKind(
         draw_trajectories,
         "Trajectories",
-        "The path seen in the plane of its largest extent, and beside it, where the truth is known, "
-        "how far each estimate is from the true position as time goes on. Errors add up along the "
-        "way; a lower line drifts less. Where no scale is known, every motion counts as one step. "
+        "The path seen in the plane of its largest extent. Where the truth is known, beside it what is "
+        "between each estimate and the truth, in the same plane, and how far that is as time goes on. "
+        "Errors add up along the way; a lower line drifts less. Where no scale is known, every motion "
+        "counts as one step. "
         "Crosses are frames that the images did not tell: their motion is predicted.",
         {"names": "E", "positions": "E N 3", "timestamps": "N", "unit": ""},
         {"truth": "N 3", "unsolved": "E N"},
@@ -240,5 +242,13 @@ FIGURES: dict[str, FigureKind] = {
         "vehicles, and what flow got wrong. A vehicle that moves along the camera's own epipolar lines, as "
         "one straight ahead does, cannot be told from the road without depth.",
         {"image": "H W", "pixels": "V 2", "flow": "V 2", "inlier": "V"},
+    ),
+    "gauntlet": FigureKind(
+        draw_gauntlet,
+        "Surely wrong, situation by situation",
+        "How often a motion that was claimed is grossly wrong: beyond twice the radius of its own 99.9 % "
+        "region. A row is a situation, a column a flow with known depth or with one camera, a panel an "
+        "estimator; numbers are per cent. White: at most 0.2 %. Grey: nothing was claimed; that is no fault.",
+        {"situations": "S", "columns": "C", "estimators": "E", "rates": "E S C"},
     ),
 }

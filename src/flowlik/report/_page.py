@@ -1,8 +1,7 @@
-"""The page of a run: one HTML file that holds everything it shows."""
+"""The page of a run: what it answers first, and all else folded, with its figures as files beside it."""
 
 from __future__ import annotations
 
-import base64
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -14,15 +13,29 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 
 from flowlik.errors import DataError
+from flowlik.report._draw_front import draw_front_bars, draw_front_coverage
 from flowlik.report._figures import caption, render
 from flowlik.report._kinds import FIGURES
-from flowlik.report._style import Rendered
-from flowlik.report._tables import display_name, headlines, tables
+from flowlik.report._style import Rendered, render_with
+from flowlik.report._tables import tables
+from flowlik.report.names import data_name, name_of
+from flowlik.report.verdict import GLOSSARY, Verdict, verdict_of
 from flowlik.results.records import Record, read_records
 from flowlik.support.files import atomic_write, read_json, read_npz
 
 FLOWS = ("farneback", "lucas-kanade")
 PAGE = "report.html"
+FRONT_KINDS = (
+    "uncertainty", "trajectories", "frame-errors", "gauntlet", "error-over-texture", "segment-errors",
+    "goodness",
+)  # fmt: skip
+"""Kinds that may stand at the head of the page, the first that a run has."""
+BARS = (
+    "Each cross is the {confidence:.0%} interval of one vector, magnified. Small: known. One long bar: an "
+    "edge, known across and not along."
+)
+CURVES = "On the dashed line a model is honest. Bold: mean; pale: each flow and data set."
+MARKS = {"good": "●", "fair": "▲", "poor": "■", "": ""}
 
 
 @dataclass(frozen=True)
@@ -46,17 +59,15 @@ class Run:
 
 @dataclass(frozen=True)
 class Picture:
-    """One figure as the page shows it; links are relative to the page."""
+    """One figure as the page shows it; the link is relative to the page."""
 
     title: str
-    subtitle: str
+    data: str
     caption: str
-    source: str
     png: str
-    svg: str
 
 
-def write_report(folder: Path) -> Path:
+def write_report(folder: Path, svg: bool = False) -> Path:
     """Draw a run's figures and write its page; see :func:`flowlik.report.build`.
 
     Raises
@@ -67,21 +78,72 @@ def write_report(folder: Path) -> Path:
     run = read_run(folder)
     sections: dict[str, list[tuple[int, Picture]]] = {}
     skipped = []
-    for path in sorted((folder / "data").glob("*.npz")):
+    paths = sorted((folder / "data").glob("*.npz"))
+    for path in paths:
         kind, _, label = path.stem.partition("--")
         if kind not in FIGURES:
             skipped.append(f"data/{path.name} is of no known kind of figure and was not drawn")
             continue
-        name, subtitle = _section(label, run.records)
+        name, rest = _section(label, run.records)
         order = list(FIGURES).index(kind)
-        sections.setdefault(name, []).append((order, _picture(folder, path, kind, subtitle)))
+        sections.setdefault(name, []).append((order, _picture(folder, path, kind, rest, svg)))
     ordered = [
         (name, [p for _, p in sorted(sections[name], key=lambda o: o[0])]) for name in sorted(sections)
     ]
+    verdict = verdict_of(run.records, run.info["command"])
+    front = _front(folder, paths, verdict)
+    _remove_stale(folder, [path.stem for path in paths] + [picture.stem for picture in front.files], svg)
     page = folder / PAGE
     with atomic_write(page) as file:
-        file.write(_html(run, ordered, skipped))
+        file.write(_html(run, verdict, front, ordered, skipped))
     return page
+
+
+@dataclass(frozen=True)
+class Front:
+    """Pictures at the head of the page: of what, and what they show."""
+
+    pictures: tuple[Picture, ...] = ()
+    files: tuple[Path, ...] = ()
+
+
+def _front(folder: Path, paths: list[Path], verdict: Verdict) -> Front:
+    """At most two pictures: what the run is about, and what its intervals hold."""
+    chosen = [
+        path for kind in FRONT_KINDS for path in paths if path.stem.partition("--")[0] == kind
+    ][: 1 if verdict.coverage else 2]  # fmt: skip
+    pictures, files = [], []
+    for path in chosen:
+        kind, _, label = path.stem.partition("--")
+        arrays, title, link = read_arrays(path), FIGURES[kind].title, path.stem
+        text = ""
+        if kind == "uncertainty":
+            link, text = f"front-{path.stem}", BARS.format(confidence=float(arrays["confidence"]))
+            files.append(folder / "figures" / f"{link}.png")
+            _write_png(render_with(draw_front_bars, arrays).png, files[-1])
+        flow, rest = _section(label, [])
+        about = ", ".join(filter(None, (name_of(flow), data_name(rest))))
+        pictures.append(Picture(title, about, text, f"figures/{quote(link)}.png"))
+    if verdict.coverage:
+        files.append(folder / "figures" / "front-coverage.png")
+        _write_png(render_with(draw_front_coverage, verdict.coverage).png, files[-1])
+        where = "the data calibrated on (in sample)" if verdict.in_sample else "data not calibrated on"
+        pictures.append(Picture("What the intervals hold", where, CURVES, "figures/front-coverage.png"))
+    return Front(tuple(pictures), tuple(files))
+
+
+def _write_png(content: bytes, path: Path) -> None:
+    with atomic_write(path, "wb") as file:
+        file.write(content)
+
+
+def _remove_stale(folder: Path, stems: list[str], svg: bool) -> None:
+    """Remove figures of an earlier page of this run that this one does not have."""
+    for path in (folder / "figures").glob("*.*"):
+        if path.suffix in (".png", ".svg") and (
+            path.stem not in stems or (path.suffix == ".svg" and not svg)
+        ):
+            path.unlink()
 
 
 def read_run(folder: Path) -> Run:
@@ -130,19 +192,20 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     return read_npz(path)
 
 
-def write_figure(figure: Rendered, stem: Path) -> tuple[Path, Path]:
-    """Write both files of a figure, whole or not at all.
+def write_figure(figure: Rendered, stem: Path) -> list[Path]:
+    """Write the files of a figure, whole or not at all.
 
     Raises
     ------
     DataError
         If the place cannot be written to.
     """
-    png, svg = (stem.with_name(f"{stem.name}.{suffix}") for suffix in ("png", "svg"))
-    for path, content in ((png, figure.png), (svg, figure.svg)):
-        with atomic_write(path, "wb") as file:
-            file.write(content)
-    return png, svg
+    written = []
+    for suffix, content in (("png", figure.png), ("svg", figure.svg)):
+        if content:
+            written.append(stem.with_name(f"{stem.name}.{suffix}"))
+            _write_png(content, written[-1])
+    return written
 
 
 def _section(label: str, records: Iterable[Record]) -> tuple[str, str]:
@@ -155,31 +218,20 @@ def _section(label: str, records: Iterable[Record]) -> tuple[str, str]:
     return label, ""
 
 
-def _picture(folder: Path, path: Path, kind: str, subtitle: str) -> Picture:
+def _picture(folder: Path, path: Path, kind: str, rest: str, svg: bool) -> Picture:
     data = read_arrays(path)
     try:
-        rendered = render(kind, data)
+        rendered = render(kind, data, svg)
     except DataError as error:
         raise DataError(f"{path}: {error}") from error
     write_figure(rendered, folder / "figures" / path.stem)
-    link = f"figures/{quote(path.stem)}"
-    return Picture(
-        title=FIGURES[kind].title,
-        subtitle=subtitle,
-        caption=caption(kind, data),
-        source=_data_uri(rendered),
-        png=f"{link}.png",
-        svg=f"{link}.svg",
-    )
+    link = f"figures/{quote(path.stem)}.png"
+    return Picture(FIGURES[kind].title, data_name(rest), caption(kind, data), link)
 
 
-def _data_uri(figure: Rendered) -> str:
-    """Embed the smaller file: line figures stay sharp at any size, images stay small."""
-    kind, content = min(("svg+xml", figure.svg), ("png", figure.png), key=lambda pair: len(pair[1]))
-    return f"data:image/{kind};base64,{base64.b64encode(content).decode()}"
-
-
-def _html(run: Run, sections: list[tuple[str, list[Picture]]], skipped: list[str]) -> str:
+def _html(
+    run: Run, verdict: Verdict, front: Front, sections: list[tuple[str, list[Picture]]], skipped: list[str]
+) -> str:
     environment = Environment(
         loader=PackageLoader("flowlik.report"),
         autoescape=True,
@@ -191,7 +243,10 @@ def _html(run: Run, sections: list[tuple[str, list[Picture]]], skipped: list[str
         info=run.info,
         config=json.dumps(run.info["config"], indent=2, ensure_ascii=False) if run.info["config"] else "",
         warnings=run.info["warnings"] + skipped,
-        headlines=headlines(run.records, run.info["config"]),
+        verdict=verdict,
+        marks=MARKS,
+        front=front.pictures,
+        glossary=GLOSSARY if verdict.coverage else {},
         tables=tables(run.records),
-        sections=[(display_name(name), pictures) for name, pictures in sections],
+        sections=[(name_of(name) if name else "Figures", pictures) for name, pictures in sections],
     )

@@ -4,24 +4,28 @@ from __future__ import annotations
 
 import io
 import math
-import re
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from flowlik.report.names import names_of
+
 Data = Mapping[str, NDArray[Any]]
+T = TypeVar("T")
 
 DPI = 160
 WIDTH = 10.0  # inches: 1600 px
+COLOURS = 128  # of a PNG
 
 INK, GREY, PALE = "#1b1f24", "#6b7280", "#d5d9e0"
 BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#AA4499"
@@ -82,7 +86,7 @@ class Look:
     marker : str
         Its marker, so that colour is never the only difference.
     dash : str
-        Its line style, which tells a family's schedule.
+        Its line style.
     """
 
     label: str
@@ -91,60 +95,56 @@ class Look:
     dash: str = "-"
 
 
-# The Gaussian and RANSAC share a colour, as do LCM and LCMSAC: each estimator is its family at work.
+# The Gaussian and RANSAC share a colour, as do the learned model and LCMSAC with it: one density at work.
 LOOKS = {
-    "lcm": Look("LCM", BLUE, "o"),
-    "laplacecauchy": Look("LCM", BLUE, "o"),
-    "loglogistic": Look("log-logistic", GREEN, "s"),
-    "gaussian": Look("Gaussian", VERMILION, "^"),
-    "laplace": Look("Laplace", SKY, "v"),
-    "studentt": Look("Student-t", OCHRE, "P"),
-    "glc": Look("GLC", WINE, "D"),
-    "ransac": Look("RANSAC", VERMILION, "^"),
-    "lcmsac": Look("LCMSAC", BLUE, "o"),
-    "mle": Look("MLE", PURPLE, "D"),
-    "nominal": Look("nominal", BLUE, "o"),
-    "selfcalibrated": Look("self-calibrated", PURPLE, "D"),
-    "boresight": Look("boresight", GREEN, "s"),
-    "truth": Look("truth", INK, ""),
+    "paper's": ("o", BLUE, "-"),
+    "learned": ("D", WINE, "-"),
+    "log-logistic": ("s", GREEN, "--"),
+    "Gaussian": ("^", VERMILION, "-."),
+    "GLC over texture": ("P", SKY, ":"),
+    "Laplace": ("v", SKY, "--"),
+    "Student-t": ("P", OCHRE, "--"),
+    "RANSAC": ("^", VERMILION, "-."),
+    "OpenCV": ("s", OCHRE, ":"),
+    "LCMSAC": ("o", BLUE, "-"),
+    "LCMSAC, paper's": ("o", BLUE, "-"),
+    "LCMSAC, learned": ("D", WINE, "-"),
+    "maximum likelihood": ("D", PURPLE, "-"),
+    "maximum likelihood, paper's": ("o", SKY, "--"),
+    "maximum likelihood, learned": ("D", PURPLE, "--"),
+    "nominal": ("o", BLUE, "-"),
+    "self-calibrated": ("D", PURPLE, "-"),
+    "boresight": ("s", GREEN, "-"),
+    "truth": ("", INK, "-"),
 }
-
-
-DASHES = {"index": "-", "texture": "--", "flow": ":", "constant": "-."}
-
-
-def known_look(name: str) -> Look | None:
-    """Look of a family or estimator that has one of its own, however its name is spelled.
-
-    A family may be followed by its schedule, as in ``"lcm · index"``.
-    """
-    family, _, schedule = name.partition(" · ")
-    look = LOOKS.get(re.sub(r"[^a-z0-9]", "", family.lower()))
-    if look is None or not schedule:
-        return look
-    return replace(look, label=f"{look.label} · {schedule}", dash=DASHES.get(schedule, "-"))
+"""Marker, colour and line of each name of `flowlik.report.names` that has its own."""
 
 
 def looks(names: Iterable[str]) -> list[Look]:
-    """Look of every name: its own where it has one, else the next spare colour.
+    """Look of what models or estimators are called in the data: that of the name that a reader knows."""
+    return looks_of(names_of([str(name) for name in names]))
 
-    Parameters
-    ----------
-    names : iterable of str
-        Names of families or estimators, in the order of the figure.
 
-    Returns
-    -------
-    list of Look
-        One a name.
-    """
+def looks_of(labels: Iterable[str]) -> list[Look]:
+    """Look of every reader's name: its own where it has one, else the next spare colour."""
     spare = iter(range(10**6))
 
-    def other(name: str) -> Look:
+    def look(label: str) -> Look:
+        if label in LOOKS:
+            marker, colour, dash = LOOKS[label]
+            return Look(label, colour, marker, dash)
         k = next(spare)
-        return Look(name, SPARE[k % len(SPARE)], "vPX*<>"[k % 6])
+        return Look(label, SPARE[k % len(SPARE)], "vPX*<>"[k % 6], "--")
 
-    return [known_look(str(name)) or other(str(name)) for name in names]
+    return [look(label) for label in labels]
+
+
+def legend_above(figure: Figure, ax: Axes, columns: int = 3, **keys: Any) -> None:
+    """Put the legend of some axes above the whole figure, where it hides no curve."""
+    handles, labels = ax.get_legend_handles_labels()
+    figure.legend(
+        handles, labels, loc="outside upper center", ncols=min(columns, max(len(labels), 1)), **keys
+    )
 
 
 _LOCK = threading.RLock()
@@ -163,25 +163,34 @@ class Rendered:
 
     Parameters
     ----------
-    png, svg : bytes
-        The same figure twice; equal data give equal bytes.
+    png : bytes
+        PNG of at most 128 colours, a third of the size of one of all; equal data give equal bytes.
+    svg : bytes
+        The same as SVG; empty if none was wanted.
     """
 
     png: bytes
-    svg: bytes
+    svg: bytes = b""
 
 
-def render_with(draw: Callable[[Data], Figure], data: Data) -> Rendered:
-    """Draw a figure in the library's style and encode it as PNG and SVG."""
-    png, svg = io.BytesIO(), io.BytesIO()
+def render_with(draw: Callable[[T], Figure], data: T, svg: bool = False) -> Rendered:
+    """Draw a figure in the library's style and encode it as PNG, and as SVG if wanted."""
+    from PIL import Image
+
+    png, vector = io.BytesIO(), io.BytesIO()
     with styled():
         figure = draw(data)
         figure.set_dpi(DPI)
-        # The canvases are asked directly, and the layout found once: savefig would draw everything twice.
-        FigureCanvasAgg(figure).print_png(png)
-        figure.set_layout_engine("none")
-        FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None})
-    return Rendered(png.getvalue(), svg.getvalue())
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        picture = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+        if svg:
+            # the layout is found once: savefig would draw everything twice
+            figure.set_layout_engine("none")
+            FigureCanvasSVG(figure).print_svg(vector, metadata={"Date": None})
+    few = picture.quantize(COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    few.save(png, "PNG", optimize=True)
+    return Rendered(png.getvalue(), vector.getvalue())
 
 
 def axes_at(figure: Figure, left: float, top: float, width: float, height: float) -> Axes:

@@ -1,14 +1,13 @@
-"""Result tables and headline figures, made from a run's records and from nothing else."""
+"""Result tables, made from a run's records and from nothing else."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 
 from flowlik.report._metric_names import METRICS
-from flowlik.report._style import known_look
+from flowlik.report.names import model_name, name_of
 from flowlik.results.records import Record
 
 KEYS = ("dataset", "flow", "family", "schedule", "estimator", "seed")
@@ -39,21 +38,6 @@ _WORDS = {
     "trans": "translation",
     "rot": "rotation",
 }
-_FLOWS = {
-    "farneback": "Farnebäck",
-    "lucas-kanade": "Lucas–Kanade",
-    "lucas-kanade-11": "Lucas–Kanade, window 11",
-    "dis": "DIS",
-    "horn-schunck": "Horn–Schunck",
-}
-_HEADLINES = (
-    "drift_percent", "t_err_percent", "rpe_trans_median_m", "ks_median", "coverage_90",
-    "within_half_px_fraction", "half_width_e1_median_px", "half_width_e2_median_px",
-    "unsolved_fraction",
-)  # fmt: skip
-_MOST_HEADLINES = 6
-# The method a run is about stands first; the others are what it is compared with.
-_OWN = ("LCMSAC", "MLE", "LCM")
 
 
 @dataclass(frozen=True)
@@ -93,17 +77,6 @@ class Table:
     rows: tuple[Row, ...]
     common: str
     notes: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Headline:
-    """One number a reader should see first, and what it is to be compared with."""
-
-    label: str
-    meaning: str
-    value: str
-    who: str
-    others: str
 
 
 def format_value(value: float | None) -> str:
@@ -199,12 +172,22 @@ def _pivot(title: str, records: Sequence[Record]) -> Table:
             for metric, unit in columns
         ),
         rows=tuple(
-            Row(tuple(display_name(key[k]) for k in shown), tuple(cell(cells, c) for c in columns))
+            Row(tuple(_named(k, key) for k in shown), tuple(cell(cells, c) for c in columns))
             for key, cells in rows
         ),
-        common=", ".join(f"{KEYS[k]} {display_name(rows[0][0][k])}" for k in fixed),
+        common=", ".join(f"{KEYS[k]} {_named(k, rows[0][0])}" for k in fixed),
         notes=tuple(notes),
     )
+
+
+def _named(k: int, key: tuple[object, ...]) -> str:
+    """Reader's name of one key of a row; of the family it is the model's, which says the schedule too."""
+    value = key[k]
+    if value is None:
+        return ""
+    if KEYS[k] == "family":
+        return model_name(str(value), str(key[KEYS.index("schedule")] or ""))
+    return name_of(str(value))
 
 
 def _label(metric: str) -> str:
@@ -215,69 +198,3 @@ def _label(metric: str) -> str:
     words = metric.removesuffix("_percent").removesuffix("_fraction").removesuffix("_mb").replace("_", " ")
     words = " ".join(_WORDS.get(word, word) for word in words.split())
     return words[:1].upper() + words[1:]
-
-
-def display_name(value: object) -> str:
-    """Name of a data set, flow method, family or estimator as a reader knows it; empty for None."""
-    if value is None:
-        return ""
-    if value in _FLOWS:
-        return _FLOWS[str(value)]
-    look = known_look(str(value))
-    return look.label if look else str(value)
-
-
-def _who(record: Record, group: Sequence[Record]) -> str:
-    """Name of what was measured, with its schedule where the family alone would not tell."""
-    if record.family and not record.estimator:
-        schedules = {r.schedule for r in group if r.family == record.family}
-        return display_name(f"{record.family} · {record.schedule}" if len(schedules) > 1 else record.family)
-    return display_name(record.estimator or record.flow or record.dataset)
-
-
-def headlines(
-    records: Sequence[Record], config: Mapping[str, object] = MappingProxyType({})
-) -> list[Headline]:
-    """Pick the numbers to show first, each beside those of the other families or estimators.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        All results of a run.
-    config : mapping
-        Its configuration: the family and schedule it names, if any, are what the run is about.
-
-    Returns
-    -------
-    list of Headline
-        At most six, in the order of importance.
-    """
-    found: list[Headline] = []
-    for metric in _HEADLINES:
-        groups: dict[tuple[object, ...], list[Record]] = {}
-        for r in records:
-            if r.metric == metric and r.value is not None:
-                groups.setdefault((r.dataset, r.flow), []).append(r)
-        found += [_headline(metric, group, config) for group in groups.values()]
-    return found[:_MOST_HEADLINES]
-
-
-def _headline(metric: str, group: Sequence[Record], config: Mapping[str, object]) -> Headline:
-    def rank(r: Record) -> int:
-        if r.family and (r.family, r.schedule) == (config.get("family"), config.get("schedule")):
-            return -1
-        names = (display_name(r.estimator), display_name(r.family))
-        return min([_OWN.index(name) for name in names if name in _OWN], default=len(_OWN))
-
-    main = min(group, key=rank)
-    named = {_who(r, group): r for r in group}
-    own = _who(main, group)
-    others = {who: r for who, r in named.items() if who != own}
-    label, meaning = METRICS[metric]
-    return Headline(
-        label=label,
-        meaning=meaning,
-        value=f"{format_value(main.value)} {format_unit(main.unit)}".strip(),
-        who=" · ".join(dict.fromkeys(filter(None, [own, display_name(main.flow), main.dataset]))),
-        others=", ".join(f"{who} {format_value(r.value)}" for who, r in others.items()),
-    )

@@ -14,12 +14,13 @@ from flowlik.evaluation.likelihood._goodness import (
     outside_range,
 )
 from flowlik.evaluation.likelihood._levels import levels
-from flowlik.evaluation.likelihood._model_records import figures, model_records
+from flowlik.evaluation.likelihood._model_records import blocks_over, figures, model_records
 
 __all__ = [
     "CONFIDENCES",
     "Counting",
     "bias_records",
+    "blocks_over",
     "coverage",
     "figures",
     "held_out_floor",
