@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.egomotion import KnownDepth
+from flowlik.egomotion import KnownDepth, lcmsac, log_prob
 from flowlik.egomotion.epipolar import five_point
 from flowlik.egomotion.residual import Chosen, equations_of
-from flowlik.errors import DataError
+from flowlik.errors import DataError, ModelError
 from flowlik.geometry import motion
 from flowlik.geometry.motion import exp_se3
 from flowlik.likelihood.schedule import Index
@@ -281,3 +281,14 @@ def test_the_total_score_is_the_gradient_within_bounds(scene, near, kind):
         within = held._replace(used=used & (np.abs(z) <= bounds))
         expected = residual.equations(moved, within).b
         np.testing.assert_allclose(score, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+
+
+def test_a_model_of_errors_across_lines_serves_these_alone():
+    rng = np.random.default_rng(9)
+    scene = make_scene(random_motion(rng, 1.0, 0.5), rng, likelihood=lcm_likelihood())
+    model = lcm_likelihood(residual="epipolar")
+    assert lcmsac(model).estimate(scene.epipolar).solved
+    for use in (lcmsac(model).estimate, lambda residual: log_prob(model, residual, scene.T)):
+        with pytest.raises(ModelError, match="across epipolar lines alone"):
+            use(scene.known_depth)
+    assert np.isfinite(log_prob(model, scene.epipolar, scene.T).value)

@@ -62,7 +62,7 @@ def test_it_is_the_images_and_not_the_eigenbasis():
 
 
 def test_a_model_of_epipolar_errors_alone_has_none():
-    model = lcm_likelihood(method=describe(Farneback()), provenance={"residual": "epipolar"})
+    model = lcm_likelihood(method=describe(Farneback()), residual="epipolar")
     with pytest.raises(ModelError, match="across epipolar lines"):
         model.covariance(drawn(3, np.random.default_rng(0)))
 

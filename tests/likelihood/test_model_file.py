@@ -68,6 +68,16 @@ def index(**values):
     return lambda content: json.dumps({**content, "index": {**content["index"], **values}})
 
 
+def test_a_model_of_epipolar_errors_comes_back_as_such(tmp_path, path):
+    assert load_likelihood(path).residual == "depth"
+    before = json.loads(path.read_text())
+    del before["residual"]  # as files of before wrote it
+    path.write_text(json.dumps(before))
+    assert load_likelihood(path).residual == "depth"
+    save_likelihood(lcm_likelihood(method=describe(Farneback()), residual="epipolar"), tmp_path / "own.json")
+    assert load_likelihood(tmp_path / "own.json").residual == "epipolar"
+
+
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
@@ -77,6 +87,7 @@ def index(**values):
         (lambda content: "[1, 2]", "not a flowlik model file"),
         (lambda content: '{"dataset": "planes"}', "family"),
         (changed(comment="mine"), "comment"),
+        (changed(residual="both"), "residual"),
         (changed(schema_version=1), "schema_version"),
         (changed(interpolation="link"), "interpolation"),
         (changed(family="student"), "unknown error family 'student'"),

@@ -56,6 +56,7 @@ def evaluate(
     """
     likelihood = load_likelihood(model)
     flow = coded(confirmed_method(likelihood.method or {}, options.method), options.flow_png)
+    likelihood.check_components()
     index = likelihood.schedule.index
     config = {"model": str(model), "data": [str(folder) for folder in data], **options.asdict()}
     run = RunFolder(out, command, config, options.seed)

@@ -69,6 +69,7 @@ def flow(
         If the model is for another method than the one given.
     """
     likelihood = load_likelihood(model)
+    likelihood.check_components()
     chosen = coded(confirmed_method(likelihood.method or {}, options.method), options.flow_png)
     image, following = read_grey(previous), read_grey(current)
     lens = None if options.camera is None else given_lens(options.camera, image.shape)

@@ -130,6 +130,8 @@ class Estimator:
             If the likelihood belongs to another flow method or texture definition.
         """
         self.likelihood.check(residual.measurements)
+        if residual.metric:
+            self.likelihood.check_components()
         return Problem(residual, self.likelihood, self.rule, self.refine_all, self.gate or 0.0)
 
     def inliers(self, residual: Residual, T_k_prev: RigidTransform) -> NDArray[np.bool_]:

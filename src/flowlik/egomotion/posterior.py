@@ -47,6 +47,8 @@ def log_prob(likelihood: FlowLikelihood, residual: Residual, T_k_prev: RigidTran
         If the likelihood belongs to another flow method or texture definition.
     """
     likelihood.check(residual.measurements)
+    if residual.metric:
+        likelihood.check_components()
     T = residual.retract(T_k_prev.as_matrix()[:3], np.zeros(6))
     _, z, J, x, _, _ = residual.at(T, likelihood.schedule.index)
     seen = np.isfinite(z)

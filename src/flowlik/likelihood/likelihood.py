@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +23,9 @@ from flowlik.support.arrays import Array
 
 BOUND_NODES = 513
 ELLIPSE_NODES = 17
+
+Errors = Literal["depth", "epipolar"]
+"""Whose errors: both components of flow of known depth, or the one across an epipolar line."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +49,9 @@ class FlowLikelihood:
         Where the table comes from, and figures of how well it fits.
     shared_errors : SharedErrors
         What the errors of an image have in common.
+    residual : {"depth", "epipolar"}
+        Which errors it was calibrated on. One of both components of a vector serves along any direction,
+        across epipolar lines too; one of errors across these lines serves there alone.
 
     Raises
     ------
@@ -60,6 +66,7 @@ class FlowLikelihood:
     provenance: dict[str, Any] = field(default_factory=dict)
     goodness: dict[str, Any] = field(default_factory=dict)
     shared_errors: SharedErrors = field(default_factory=SharedErrors)
+    residual: Errors = "depth"
 
     def __post_init__(self) -> None:
         check_values(self.family, self.schedule)
@@ -75,8 +82,15 @@ class FlowLikelihood:
         return self.schedule.index.signals
 
     def coordinate(self, measurements: Measurements) -> Array:
-        """Schedule coordinates x (N, 2) of every eigen-component; checks that the model fits them."""
+        """Schedule coordinates x (N, 2) of every eigen-component.
+
+        Raises
+        ------
+        ModelError
+            If the model is for another flow method or texture, or of errors across epipolar lines alone.
+        """
         self.check(measurements)
+        self.check_components()
         return self.schedule.index.of(measurements)
 
     def check(self, measurements: Measurements) -> None:
@@ -87,6 +101,14 @@ class FlowLikelihood:
             )
         if self.method is not None and self.texture != measurements.texture:
             raise ModelError(f"the model is for {self.texture}, the measurements have {measurements.texture}")
+
+    def check_components(self) -> None:
+        """Raise ModelError if the model tells nothing of errors along epipolar lines."""
+        if self.residual == "epipolar":
+            raise ModelError(
+                "the model knows errors across epipolar lines alone, not along them: it serves motions "
+                "without depth; take one calibrated with depth, or the one that ships"
+            )
 
     def log_prob(self, z: ArrayLike, x: Array | float) -> Array:
         """Log-density [nat] of errors z [px] at coordinates x."""
@@ -155,10 +177,6 @@ class FlowLikelihood:
             If the model is for another flow or texture, knows errors across epipolar lines alone, or the
             level does not lie between 0 and 1.
         """
-        if self.provenance.get("residual") == "epipolar":
-            raise ModelError(
-                "the model knows errors across epipolar lines alone, not along them: it has no covariance"
-            )
         x = self.coordinate(measurements)
         half_axes = self._ellipse_factor(x, level)[:, None] * self.bound(x, level)
         variances = half_axes**2 / (

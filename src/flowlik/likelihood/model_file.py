@@ -58,7 +58,9 @@ class ModelFile(_Strict):
     ``index`` says how covariates give x (ln of texture for the paper's schedule), ``knots`` are of x;
     ``table`` maps each parameter of the family to its values at the knots, linear
     between; ``shared_errors`` are what the errors of an image have in common
-    (`flowlik.likelihood.shared_errors`). Files of version 2 are read.
+    (`flowlik.likelihood.shared_errors`); ``residual`` says which errors it was calibrated on
+    (`flowlik.likelihood.likelihood.FlowLikelihood`), both components where a file does not tell. Files of
+    version 2 are read.
     """
 
     schema_version: Literal[3] = 3
@@ -72,6 +74,7 @@ class ModelFile(_Strict):
     provenance: dict[str, Any]
     goodness: dict[str, Any]
     shared_errors: _SharedErrors = _SharedErrors()
+    residual: Literal["depth", "epipolar"] = "depth"
 
     @model_validator(mode="before")
     @classmethod
@@ -108,6 +111,7 @@ def save_likelihood(likelihood: FlowLikelihood, path: Path | str) -> None:
         provenance=likelihood.provenance,
         goodness=likelihood.goodness,
         shared_errors=_SharedErrors.model_validate(likelihood.shared_errors.values()),
+        residual=likelihood.residual,
     )
     with atomic_write(Path(path)) as file:
         file.write(content.model_dump_json(indent=1) + "\n")
@@ -160,6 +164,7 @@ def load_likelihood(path: Path | str) -> FlowLikelihood:
             content.provenance,
             content.goodness,
             SharedErrors.of_values(content.shared_errors.model_dump()),
+            content.residual,
         )
     except OSError as error:
         raise ModelError(f"{path}: cannot read the model file ({error.strerror or error})") from None

@@ -141,6 +141,7 @@ def fit_inverse_depths(
     Fit or None
         None where fewer than 15 vectors, or a fifth of them, are of the model.
     """
+    likelihood.check_components()
     m = seen.measurements
     if len(m) < LEAST_VECTORS:
         return None

@@ -120,10 +120,12 @@ class _RerunViewer:
         self._log("image", rr.Image(image, color_model="L"))
         shown = _spread(len(m), MOST_ELLIPSES)
         some = m.select(shown)
-        half_width = likelihood.bound(likelihood.coordinate(some), confidence)
         ends = some.pixels + some.flow
         # rerun puts the origin at the corner of the first pixel, flowlik at its centre
         self._log("image/flow", rr.Arrows2D(origins=some.pixels + 0.5, vectors=some.flow, colors=[KNOWN]))
+        if likelihood.residual == "epipolar":
+            return  # it knows errors across lines alone, and no ellipse
+        half_width = likelihood.bound(likelihood.coordinate(some), confidence)
         known = half_width.max(axis=1) <= 1.0
         colours = np.where(known[:, None], KNOWN, UNKNOWN).astype(np.uint8)
         strips = _ellipses(ends + 0.5, half_width, some.R_i_e)
