@@ -12,10 +12,11 @@ from scipy.spatial.transform import RigidTransform
 from epipolar_refinement import refine_convolution, refine_profile
 from flowlik.datasets import open_sequence
 from flowlik.egomotion import Epipolar, mle
-from flowlik.evaluation.motion.split_half import direction_noise_mrad, halves, rotation_noise_mdeg
+from flowlik.evaluation.motion.split_half import direction_noise_mrad, rotation_noise_mdeg
 from flowlik.flow import flow_method
 from flowlik.likelihood.model_file import load_likelihood
 from flowlik.measurement.features import measure_features
+from flowlik.measurement.halves import halves
 
 
 def main() -> None:

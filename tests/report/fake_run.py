@@ -214,11 +214,26 @@ def gauntlet(rng, S=6, C=4):
     }
 
 
+def without_truth(rng, B=12, L=4, F=5):
+    found = np.exp(np.linspace(-4, 1, B))
+    levels = np.array([0.5, 0.68, 0.9, 0.95])
+    coverage = np.clip(levels[None, :, None] + rng.normal(0.03, 0.02, (2, L, F)), 0, 1)
+    return {
+        "names": np.array(["before", "after"]),
+        "predicted": np.stack([1.6 * found, found * np.exp(rng.normal(0, 0.05, B))]),
+        "found": np.stack([found, found]),
+        "levels": levels,
+        "by_size": coverage,
+        "by_texture": coverage,
+    }
+
+
 MAKERS = {
     "uncertainty": uncertainty,
     "flow-sequence": flow_sequence,
     "error-over-texture": error_over_texture,
     "table": table,
+    "without-truth": without_truth,
     "distributions": distributions,
     "goodness": goodness,
     "coverage": coverage,

@@ -1,7 +1,8 @@
 """Calibration: errors against truth, their sketch, and the fit of a look-up table."""
 
 from flowlik.calibration._fit import SMOOTHING_NAT, bootstrap, fit
-from flowlik.calibration._pairs import pair_errors
+from flowlik.calibration._learn import Rows, learn_index
+from flowlik.calibration._pairs import calibration_pixels, pair_errors
 from flowlik.calibration._schedules import (
     FLOW_INDEX,
     SCHEDULES,
@@ -32,15 +33,18 @@ __all__ = [
     "Block",
     "ErrorSketch",
     "IndexForm",
+    "Rows",
     "SketchCache",
     "Task",
     "bootstrap",
+    "calibration_pixels",
     "check_schedule",
     "executor",
     "fit",
     "fit_likelihood",
     "gather",
     "index_form",
+    "learn_index",
     "load_sketch",
     "measured_pairs",
     "merge_all",

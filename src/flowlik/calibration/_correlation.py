@@ -8,14 +8,12 @@ import numpy as np
 from scipy.optimize import nnls
 
 from flowlik.calibration._kernels import products
+from flowlik.calibration.distances import EDGES_PX, PER_OCTAVE, distances_px
 from flowlik.errors import CalibrationError
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.shared_errors import SCALES_PX, ScoreCorrelation, flow_directions, shapes
 from flowlik.measurement.measurements import Measurements
 from flowlik.support.arrays import Array
-
-EDGES_PX = np.concatenate([[0.0], np.geomspace(3.0, 3072.0, 31)])
-"""Edges of the distance bins; a bin's distances stand for their geometric mean."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +55,8 @@ class ScoreProducts:
         size = np.sqrt(fisher.mean(axis=1))
         size /= np.linalg.norm(size)
         sums = cls.empty()
-        per_octave = (len(EDGES_PX) - 2) / np.log2(EDGES_PX[-1] / EDGES_PX[1])
         products(
-            m.pixels, scores, flow_directions(m.flow), size, EDGES_PX[1], per_octave,
+            m.pixels, scores, flow_directions(m.flow), size, EDGES_PX[1], PER_OCTAVE,
             sums.dot, sums.along, sums.down, sums.norm, sums.cosine, sums.steep,
         )  # fmt: skip
         return sums
@@ -68,12 +65,6 @@ class ScoreProducts:
         """Sums of both."""
         names = (field.name for field in fields(self))
         return ScoreProducts(*(getattr(self, name) + getattr(other, name) for name in names))
-
-    @property
-    def distances_px(self) -> Array:
-        """Distance (D + 1,) [px] that stands for each row."""
-        middle = np.sqrt(EDGES_PX[1:-1] * EDGES_PX[2:])
-        return np.concatenate([[0.0, EDGES_PX[1] / 2], middle])
 
 
 def fit_correlation(sums: ScoreProducts) -> ScoreCorrelation:
@@ -93,7 +84,7 @@ def fit_correlation(sums: ScoreProducts) -> ScoreCorrelation:
     if not len(rows):
         raise CalibrationError("no pairs of flow vectors to take the correlation of scores from")
     norm = sums.norm[rows]
-    near = shapes(sums.distances_px[rows], scales)[:, 1:]
+    near = shapes(distances_px()[rows], scales)[:, 1:]
     turned, steep = ((each[rows] / norm)[:, None] * near for each in (sums.cosine, sums.steep))
     basis = np.block([[2 * near, turned, near], [turned, near, steep], [near, steep, near]])
     means = np.concatenate([each[rows] / norm for each in (sums.dot, sums.along, sums.down)])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -26,11 +26,11 @@ from flowlik.cli._options import (
     command_line,
     show_run,
 )
-from flowlik.commands.options import CalibrateOptions
+from flowlik.commands.options import CalibrateOptions, TruthlessOptions
 
 
 def run(
-    data: Annotated[list[Path], typer.Argument(help="Folders of sequences with true flow.")],
+    data: Annotated[list[Path], typer.Argument(help="Folders of sequences, with true flow unless told.")],
     method: Annotated[str, typer.Option(help=METHOD_HELP, autocompletion=complete.one_of(complete.METHODS))],
     out: Out,
     family: Annotated[
@@ -58,15 +58,71 @@ def run(
     workers: Workers = None,
     scheduler: Scheduler = None,
     keep_sketches: KeepSketches = False,
+    without_truth: Annotated[
+        bool, typer.Option("--without-truth", help="Take errors against the sequences' own motions.")
+    ] = False,
+    residual: Annotated[
+        str | None,
+        typer.Option(
+            help="Without truth: depth (both components) or epipolar; depth if the data has it.",
+            autocompletion=complete.one_of(complete.RESIDUALS),
+        ),
+    ] = TruthlessOptions.residual,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            "--model",
+            "-m",
+            help="Without truth: model to begin with, instead of the one that ships for the method.",
+            autocompletion=complete.models,
+        ),
+    ] = TruthlessOptions.model,
+    self_calibrate: Annotated[
+        bool, typer.Option("--self-calibrate", help="Without truth: refine the camera from its images first.")
+    ] = TruthlessOptions.self_calibrate,
+    pairs: Annotated[
+        int, typer.Option(min=1, help="Without truth: image pairs, evenly spread over the data.")
+    ] = TruthlessOptions.pairs,
     json: Json = False,
 ) -> None:
-    """Calibrate a flow method on data with truth: a model file and evidence of how well it fits.
+    """Calibrate a flow method: a model file and evidence of how well it fits.
 
-    Example: `flowlik calibrate data --method lucas-kanade --out calibration`
+    Without true flow a sequence's own motions tell, once they are estimated: `--without-truth`.
+
+    Examples: `flowlik calibrate data --method lucas-kanade --out calibration`,
+    `flowlik calibrate drive --without-truth --method lucas-kanade-11 --out own`
     """
-    from flowlik.commands import calibrate
+    from flowlik.commands import calibrate, calibrate_without_truth
     from flowlik.support.progress import terminal_progress
 
+    truthless = TruthlessOptions(
+        residual=residual,
+        model=model,
+        self_calibrate=self_calibrate,
+        pairs=pairs,
+        family=family,
+        seed=seed,
+        flow_png=flow_png,
+        format=format,
+        camera=camera,
+        mask=mask,
+        resize=resize,
+        skip_bad_frames=skip_bad_frames,
+    )
+    with_truth = {
+        "schedule": schedule,
+        "executor": executor,
+        "workers": workers,
+        "scheduler": scheduler,
+        "keep_sketches": keep_sketches,
+    }
+    _check_together(without_truth, truthless, with_truth)
+    if without_truth:
+        run = calibrate_without_truth(
+            data, method, out, truthless, command=command_line(), progress=terminal_progress
+        )
+        show_run(run, json)
+        return
     options = CalibrateOptions(
         family=family,
         schedule=schedule,
@@ -84,3 +140,18 @@ def run(
     )
     run = calibrate(data, method, out, options, command=command_line(), progress=terminal_progress)
     show_run(run, json)
+
+
+def _check_together(without_truth: bool, truthless: TruthlessOptions, with_truth: dict[str, Any]) -> None:
+    """Refuse options that the way asked for would ignore."""
+    from flowlik.errors import DataError
+
+    if without_truth:
+        ignored = [name for name, value in with_truth.items() if value != getattr(CalibrateOptions, name)]
+        why = "needs true flow: leave it out, or leave out --without-truth"
+    else:
+        names = ("residual", "model", "self_calibrate", "pairs")
+        ignored = [name for name in names if getattr(truthless, name) != getattr(TruthlessOptions, name)]
+        why = "says how to calibrate without truth: give --without-truth too"
+    if ignored:
+        raise DataError(f"--{ignored[0].replace('_', '-')} {why}")

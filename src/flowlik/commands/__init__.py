@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from flowlik.commands._odometry import odometry as odometry
     from flowlik.commands._reproduce import reproduce as reproduce
     from flowlik.commands._simulate import simulate as simulate
+    from flowlik.commands._without_truth import calibrate_without_truth as calibrate_without_truth
 
 __all__, __getattr__, __dir__ = lazily(
     __name__,
@@ -33,5 +34,6 @@ __all__, __getattr__, __dir__ = lazily(
         "_odometry": "odometry",
         "_reproduce": "reproduce",
         "_simulate": "simulate",
+        "_without_truth": "calibrate_without_truth",
     },
 )

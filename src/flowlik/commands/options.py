@@ -38,6 +38,34 @@ class CalibrateOptions(Execution, Data):
 
 
 @dataclass(frozen=True, kw_only=True)
+class TruthlessOptions(Data):
+    """Options of `flowlik.commands.calibrate_without_truth`, those of `Data` among them.
+
+    Attributes
+    ----------
+    residual : {"depth", "epipolar"}, optional
+        Which errors are learned; by default both components if the data has depth.
+    model : Path, optional
+        Model to begin with; by default the one that ships for the method, if one does.
+    self_calibrate : bool
+        Refine the camera from the images first, without depth.
+    pairs : int
+        Image pairs, evenly spread over the data.
+    family : str
+        Family of the model.
+    seed : int
+        Seed of pixels, samples and rows.
+    """
+
+    residual: str | None = None
+    model: Path | None = None
+    self_calibrate: bool = False
+    pairs: int = 300
+    family: str = BEST_FAMILY
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
 class EvaluateOptions(Execution, Data):
     """Options of `flowlik.commands.evaluate`, those of `Execution` and `Data` among them.
 

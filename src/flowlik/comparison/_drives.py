@@ -16,12 +16,13 @@ from flowlik.datasets.base import ImageSequence
 from flowlik.egomotion import EgoMotion, Epipolar, Estimator, Status, lcmsac
 from flowlik.errors import DataError
 from flowlik.evaluation.motion import true_trajectory
-from flowlik.evaluation.motion.split_half import LEAST_STEP_M, difference_covariance, halves
+from flowlik.evaluation.motion.split_half import LEAST_STEP_M, difference_covariance
 from flowlik.flow import flow_method
 from flowlik.flow.base import FlowMethod
 from flowlik.geometry.motion import scaled
 from flowlik.geometry.trajectory import Trajectory
 from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.measurement.halves import halves
 from flowlik.measurement.measurements import Measurements
 from flowlik.odometry.boresight import Boresight
 from flowlik.odometry.loop import measure_sequence, true_move

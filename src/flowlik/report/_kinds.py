@@ -26,6 +26,7 @@ from flowlik.report._draw_flow import draw_sequence
 from flowlik.report._draw_gauntlet import draw_gauntlet
 from flowlik.report._draw_motion import draw_frame_errors, draw_trajectories
 from flowlik.report._draw_uncertainty import draw_uncertainty
+from flowlik.report._draw_without_truth import draw_without_truth
 from flowlik.report._style import Data
 
 
@@ -93,6 +94,23 @@ FIGURES: dict[str, FigureKind] = {
         "band is drawn, 95 % of tables fitted to other choices of the same frames lie within it.",
         {"knots": "M", "values": "M P", "names": "P", "units": "P"},
         {"edges": "T+1", "counts": "T", "low": "M P", "high": "M P", "coordinate": ""},
+    ),
+    "without-truth": FigureKind(
+        draw_without_truth,
+        "Errors predicted and found, before and after",
+        "On pairs of images that the model was not learned from, errors are taken against the images' own "
+        "motions. Left: the size that 68 % of errors stay below, as predicted and as found; on the dashed "
+        "line the model is honest, below it errors are smaller than it says. Right: the share of errors "
+        "within the intervals said to hold 50 % and 90 %, for fifths of the vectors from small to large "
+        "predicted errors and from little to much texture.",
+        {
+            "names": "N",
+            "predicted": "N B",
+            "found": "N B",
+            "levels": "L",
+            "by_size": "N L F",
+            "by_texture": "N L F",
+        },
     ),
     "distributions": FigureKind(
         draw_distributions,

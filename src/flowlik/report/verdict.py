@@ -44,7 +44,11 @@ def verdict_of(records: Sequence[Record], command: str = "") -> Verdict:
         return of_gauntlet(known)
     if "half_width_e1_median_px" in metrics:
         return of_pair(known)
-    models = [r for r in known if r.metric.startswith("coverage_") and r.family and not r.estimator]
+    models = [
+        r
+        for r in known
+        if r.metric.startswith("coverage_") and r.family and not r.estimator and not _beside(r)
+    ]
     if models:
         return _of_models(known, models)
     if metrics & {"unsolved_fraction", "t_err_percent", "drift_percent"}:
@@ -52,9 +56,18 @@ def verdict_of(records: Sequence[Record], command: str = "") -> Verdict:
     return Verdict(f"Results of {' '.join(command.split()[:2])}" if command else "Results")
 
 
+def _parts(record: Record) -> dict[str, str]:
+    return dict(part.strip().split("=", 1) for part in record.protocol.split(";") if "=" in part)
+
+
 def _split(record: Record) -> str:
-    parts = dict(part.strip().split("=", 1) for part in record.protocol.split(";") if "=" in part)
-    return parts.get("split", "")
+    return _parts(record).get("split", "")
+
+
+def _beside(record: Record) -> bool:
+    """Whether a record is of the model before a calibration without truth, or of errors in fit."""
+    parts = _parts(record)
+    return parts.get("model") == "before" or parts.get("motions") == "in fit"
 
 
 def _of_models(records: list[Record], models: list[Record]) -> Verdict:

@@ -8,12 +8,12 @@ from flowlik.evaluation.motion.split_half import (
     direction_noise_mrad,
     half_coverage,
     half_distances,
-    halves,
     rotation_noise_mdeg,
     truth_distances,
 )
 from flowlik.geometry.motion import exp_se3
 from flowlik.likelihood.shared_errors import SCALES_PX, ScoreCorrelation, SharedErrors
+from flowlik.measurement.halves import halves
 from tests.helpers import CAMERA, lcm_likelihood, make_scene, random_motion
 
 

@@ -10,7 +10,6 @@ from collections.abc import Sequence as Seq
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 from scipy.stats import chi2
 
@@ -18,16 +17,9 @@ from flowlik.egomotion import EgoMotion, Epipolar, Estimator
 from flowlik.egomotion.covariance import score_covariance, subpixel_variability
 from flowlik.support.arrays import Array
 
-TILE_PX = 64
 LEAST_STEP_M = 0.3
 # median length of a two-dimensional normal, and median absolute value of a normal, of unit deviation
 RAYLEIGH_MEDIAN, NORMAL_MEDIAN = 1.177, 0.6745
-
-
-def halves(pixels: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Masks (N,) of two halves: the white and the black tiles, 64 px wide, of a chessboard."""
-    tile = np.floor(pixels / TILE_PX).astype(int).sum(axis=1)
-    return tile % 2 == 0, tile % 2 == 1
 
 
 def direction_noise_mrad(first: RigidTransform, second: RigidTransform) -> float:
