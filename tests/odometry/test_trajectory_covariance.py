@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import sqrtm
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.egomotion import EgoMotion, Status
 from flowlik.errors import DataError
 from flowlik.geometry.motion import exp_se3
 from flowlik.geometry.trajectory import Trajectory, chain
+from flowlik.likelihood.over_time import Persistence
 from flowlik.odometry.trajectory_covariance import (
     _write_covariance_csv,
     _write_trajectory_npz,
@@ -51,6 +53,35 @@ def test_a_pose_strays_as_its_covariance_says():
     covariance = trajectory_covariance(np.arange(7.0), motions).poses[-1]
     last = chain(m.T_k_prev for m in motions)[-1]
     check_spread((last.inv() * sampled_poses(motions)).as_exp_coords(), covariance)
+
+
+@pytest.mark.parametrize("stays", [Persistence(0.7, 3.0), Persistence(1.6, 1.0)])
+def test_a_pose_strays_further_where_errors_stay(stays):
+    motion = steps(1)[0]
+    motions = [
+        EgoMotion(m.T_k_prev, m.information, motion.covariance, m.status) for m in steps(6)
+    ]  # fmt: skip
+    covariance = trajectory_covariance(np.arange(7.0), motions, stays).poses[-1]
+    rng, count = np.random.default_rng(2), 6000
+    poses = RigidTransform.from_matrix(np.tile(np.eye(4), (count, 1, 1)))
+    # the root that leaves a covariance's own axes where they are
+    sigma = np.sqrt(np.diag(motion.covariance))
+    root = sigma[:, None] * np.real(sqrtm(motion.covariance / np.outer(sigma, sigma)))
+    bias, kept = np.sqrt(stays.share) * rng.standard_normal((count, 6)), np.exp(-1 / stays.memory_s)
+    for m in motions:
+        white = np.sqrt(stays.variance - stays.share) * rng.standard_normal((count, 6))
+        poses = poses * (exp_se3((white + bias) @ root.T) * m.T_k_prev).inv()
+        bias = kept * bias + np.sqrt(stays.share * (1 - kept**2)) * rng.standard_normal((count, 6))
+    last = chain(m.T_k_prev for m in motions)[-1]
+    check_spread((last.inv() * poses).as_exp_coords(), covariance)
+    independent = trajectory_covariance(np.arange(7.0), motions).poses[-1]
+    assert np.trace(covariance) > 1.5 * np.trace(independent)
+
+
+def test_nothing_that_stays_is_independence():
+    motions = steps()
+    found = [trajectory_covariance(np.arange(7.0), motions, p).poses for p in (None, Persistence(0.0, 1.0))]
+    np.testing.assert_allclose(*found)
 
 
 def test_about_the_worlds_axes():

@@ -156,10 +156,13 @@ def _write_files(folder: Path, flown: Flown, options: OdometryOptions) -> None:
     estimated, frames = flown.estimated, flown.sequence.numbers
     write_kitti(folder / "trajectory_kitti.txt", estimated)
     write_tum(folder / "trajectory_tum.txt", estimated)
-    write_covariance(folder, estimated, flown.motions)
+    persistence = flown.robot.persistence
+    write_covariance(folder, estimated, flown.motions, persistence)
     if options.bag:
         bag = folder / "odometry_bag"
-        write_odometry_bag(bag, estimated, flown.motions, unscaled=options.bag_unscaled)
+        write_odometry_bag(
+            bag, estimated, flown.motions, unscaled=options.bag_unscaled, persistence=persistence
+        )
     write_frames(folder / "frames.csv", estimated, flown.motions, frames[1:])
     if flown.robot.intrinsics:
         write_intrinsics(folder / "intrinsics.csv", flown.robot.intrinsics, frames)

@@ -47,9 +47,20 @@ class _Texture(_Strict):
     window: int
 
 
+class _Persistence(_Strict):
+    share: float
+    memory_s: float
+
+
+class _OverTime(_Strict):
+    full: _Persistence
+    given_rotation: _Persistence
+
+
 class _SharedErrors(_Strict):
     correlation: dict[str, list[float]] | None = None
     composite_power: float = 0.0
+    over_time: _OverTime | None = None
 
 
 class ModelFile(_Strict):

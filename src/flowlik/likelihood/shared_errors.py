@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from flowlik.errors import ModelError
+from flowlik.likelihood.over_time import OverTime, Persistence
 from flowlik.support.arrays import Array
 
 KEYS = ("scale_px", "isotropic", "along", "vertical")
@@ -81,7 +82,7 @@ class ScoreCorrelation:
 
 @dataclass(frozen=True, eq=False)
 class SharedErrors:
-    """What the errors of an image have in common.
+    """What the errors of an image, and of those after it, have in common.
 
     Attributes
     ----------
@@ -90,6 +91,8 @@ class SharedErrors:
     composite_power : float
         Power of its information that a component counts with in an estimate over many
         (`flowlik.likelihood.likelihood.FlowLikelihood.composite_weight`).
+    over_time : OverTime or None
+        How the errors of motions of known depth stay; None where it was not measured.
 
     Raises
     ------
@@ -99,6 +102,7 @@ class SharedErrors:
 
     correlation: ScoreCorrelation | None = None
     composite_power: float = 0.0
+    over_time: OverTime | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.composite_power <= MOST_POWER:
@@ -109,7 +113,8 @@ class SharedErrors:
     def values(self) -> dict[str, Any]:
         """Plain JSON values, as `of_values` takes them."""
         correlation = None if self.correlation is None else self.correlation.values()
-        return {"correlation": correlation, "composite_power": self.composite_power}
+        over_time = None if self.over_time is None else asdict(self.over_time)
+        return {"correlation": correlation, "composite_power": self.composite_power, "over_time": over_time}
 
     @classmethod
     def of_values(cls, values: dict[str, Any]) -> SharedErrors:
@@ -122,7 +127,9 @@ class SharedErrors:
         """
         correlation = values["correlation"]
         found = None if correlation is None else ScoreCorrelation.of_values(correlation)
-        return cls(found, values["composite_power"])
+        kinds = values.get("over_time")
+        over_time = None if kinds is None else OverTime(**{k: Persistence(**v) for k, v in kinds.items()})
+        return cls(found, values["composite_power"], over_time)
 
 
 def shapes(distance_px: Array, scales_px: Array) -> Array:

@@ -1,6 +1,7 @@
 """Ego-motion over a sequence: loop, scale, boresight, motion model, self-calibration, outputs."""
 
 from flowlik.odometry.boresight import Boresight
+from flowlik.odometry.flow_factor import FlowFactor, flow_factor
 from flowlik.odometry.loop import measure_sequence, run_odometry
 from flowlik.odometry.odometry import Odometry
 from flowlik.odometry.scale import Length, ScaleSource, scale_source
@@ -9,10 +10,12 @@ from flowlik.odometry.trajectory_covariance import read_covariance_csv, trajecto
 
 __all__ = [
     "Boresight",
+    "FlowFactor",
     "Length",
     "Odometry",
     "ScaleSource",
     "SelfCalibration",
+    "flow_factor",
     "measure_sequence",
     "read_covariance_csv",
     "run_odometry",

@@ -16,6 +16,7 @@ from flowlik.flow.base import FlowMethod, Image, check_pair
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.motion import scaled
 from flowlik.image.depth import check_depth_z
+from flowlik.likelihood.over_time import Persistence
 from flowlik.measurement.features import measure_features
 from flowlik.measurement.measurements import Measurements
 from flowlik.odometry._constant_velocity import ConstantVelocity
@@ -91,6 +92,13 @@ class Odometry:
         self._usable: NDArray[np.bool_] | None = None
         self._model = ConstantVelocity()
         self._lengths = LengthModel()
+
+    @property
+    def persistence(self) -> Persistence | None:
+        """How errors of its motions stay; None without depth, or where the likelihood does not know it."""
+        over_time = self.estimator.likelihood.shared_errors.over_time
+        metric = self.last is not None and self.last.residual.metric
+        return over_time.full if metric and over_time is not None else None
 
     def step(
         self,

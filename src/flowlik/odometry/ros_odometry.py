@@ -14,6 +14,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from flowlik.egomotion import EgoMotion
 from flowlik.errors import DataError
 from flowlik.geometry.trajectory import Trajectory
+from flowlik.likelihood.over_time import Persistence
 from flowlik.odometry.trajectory_covariance import (
     TrajectoryCovariance,
     trajectory_covariance,
@@ -45,13 +46,15 @@ def write_odometry_bag(
     motions: Sequence[EgoMotion],
     topic: str = TOPIC,
     unscaled: bool = False,
+    persistence: Persistence | None = None,
 ) -> Path:
     """Write a trajectory as a ROS 2 bag (MCAP) of odometry messages with covariance.
 
     Axes are ROS's (REP 103): ``odom`` is the first camera's frame and ``camera_link`` the camera's, both
     turned to x forward, y left, z up. The pose's covariance is, as ROS has it, of x, y, z [m] and of turns
     about the *fixed* axes of ``odom`` [rad]. The twist is the mean velocity since the frame before, in
-    ``camera_link``, with its covariance. What is not known has the variance `UNKNOWN`: the twist of the first
+    ``camera_link``, with a covariance for a filter that takes every message as independent of the others.
+    What is not known has the variance `UNKNOWN`: the twist of the first
     message, turns and places whose covariance is not determined, and, where a motion has no scale, all
     positions and linear velocities, which are then 0, since they would not be in metres.
 
@@ -67,6 +70,9 @@ def write_odometry_bag(
         Topic of the messages.
     unscaled : bool
         Write positions and velocities though motions have no scale, each of length 1.
+    persistence : Persistence, optional
+        How the errors of motions stay (`flowlik.odometry.trajectory_covariance`); by default they are taken
+        as independent, and a filter becomes too sure.
 
     Raises
     ------
@@ -80,7 +86,7 @@ def write_odometry_bag(
     path = Path(path)
     if path.exists() and not (path / "metadata.yaml").is_file():
         raise DataError(f"{path}: holds something other than a ROS 2 bag")
-    told = _Told(trajectory, motions, unscaled or _has_scale(motions))
+    told = _Told(trajectory, motions, unscaled or _has_scale(motions), persistence)
     partial = path.with_name(f".{path.name}.{uuid4().hex}.part")
     try:
         partial.parent.mkdir(parents=True, exist_ok=True)
@@ -166,9 +172,15 @@ def _typestore() -> Any:
 class _Told:
     """Poses and twists of a trajectory as messages tell them: of what is not known nothing."""
 
-    def __init__(self, trajectory: Trajectory, motions: Sequence[EgoMotion], metric: bool) -> None:
-        self.trajectory, self.metric = trajectory, metric
-        self.covariance = trajectory_covariance(trajectory.timestamps, motions)
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        motions: Sequence[EgoMotion],
+        metric: bool,
+        persistence: Persistence | None,
+    ) -> None:
+        self.trajectory, self.metric, self.persistence = trajectory, metric, persistence
+        self.covariance = trajectory_covariance(trajectory.timestamps, motions, persistence)
 
     def pose(self, k: int) -> tuple[Array, Array, Array]:
         """Position (3,) [m], quaternion x y z w, and covariance (6, 6) of ``camera_link`` in ``odom``."""
@@ -181,6 +193,9 @@ class _Told:
         if k == 0:
             return np.zeros(3), np.zeros(3), UNKNOWN * np.eye(6)
         linear, angular, covariance = _twist(self.trajectory, self.covariance, k)
+        if self.persistence is not None:
+            interval_s = float(np.diff(self.trajectory.timestamps[k - 1 : k + 1])[0])
+            covariance = self.persistence.filter_factor(interval_s) * covariance
         told, covariance = self._told(linear, covariance)
         return told, angular, covariance
 

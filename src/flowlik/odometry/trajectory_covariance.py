@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from flowlik.egomotion import EgoMotion
 from flowlik.errors import DataError
 from flowlik.geometry.motion import adjoint
 from flowlik.geometry.trajectory import Trajectory
+from flowlik.likelihood.over_time import Persistence
 from flowlik.support.arrays import Array
 from flowlik.support.files import atomic_write, read_text
 
@@ -44,13 +45,46 @@ class TrajectoryCovariance:
     motions: Array
 
 
-def trajectory_covariance(timestamps: Array, motions: Sequence[EgoMotion]) -> TrajectoryCovariance:
-    """Covariance of poses that are chained from motions whose errors are taken as independent.
+@dataclass(frozen=True, eq=False)
+class ChainedErrors:
+    """Errors of a pose at the end of a chain of motions.
 
     A pose is ``T_n_k = T_n_prev inv(T_k_prev)``. With errors eta of a pose (on the right) and xi of a motion
-    (on the left), ``eta_k = Ad(T_k_prev) eta_prev - xi_k`` to first order, so that the covariance of a pose
-    is ``Ad C_prev Ad^T + C_motion``. Neighbouring motions share an image, and what that correlates is left
-    out.
+    (on the left), ``eta_k = Ad(T_k_prev) eta_prev - xi_k`` to first order. What of xi stays from motion to
+    motion is a Gauss-Markov bias, whitened by each motion's covariance; what it has in common with eta is
+    carried along.
+
+    Attributes
+    ----------
+    pose : array (6, 6)
+        Covariance of eta, as in `TrajectoryCovariance.poses`.
+    with_bias : array (6, 6)
+        Covariance of eta with the whitened bias.
+    persistence : Persistence or None
+        How the errors of motions stay; None takes them as independent.
+    """
+
+    pose: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    with_bias: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    persistence: Persistence | None = None
+
+    def after(self, motion: EgoMotion, interval_s: float) -> ChainedErrors:
+        """Errors after a motion that took so long [s]."""
+        Ad, C = adjoint(motion.T_k_prev), motion.covering
+        pose, stays = Ad @ self.pose @ Ad.T, self.persistence
+        if stays is None or not np.isfinite(C).all():
+            return replace(self, pose=_symmetric(pose + C), with_bias=np.zeros((6, 6)))
+        root = _root(C)
+        known = Ad @ self.with_bias * np.exp(-interval_s / stays.memory_s)
+        shared = known @ root.T
+        pose = pose + stays.variance * C - shared - shared.T
+        return replace(self, pose=_symmetric(pose), with_bias=known - stays.share * root)
+
+
+def trajectory_covariance(
+    timestamps: Array, motions: Sequence[EgoMotion], persistence: Persistence | None = None
+) -> TrajectoryCovariance:
+    """Covariance of poses that are chained from motions (`ChainedErrors`).
 
     Parameters
     ----------
@@ -58,6 +92,9 @@ def trajectory_covariance(timestamps: Array, motions: Sequence[EgoMotion]) -> Tr
         Times [s] of the frames.
     motions : sequence of N - 1 EgoMotion
         Of every frame after the first.
+    persistence : Persistence, optional
+        How the errors of motions stay, ``shared_errors.over_time.full`` of a likelihood; by default they are
+        taken as independent, and the covariances are far too small after some seconds.
 
     Raises
     ------
@@ -66,18 +103,25 @@ def trajectory_covariance(timestamps: Array, motions: Sequence[EgoMotion]) -> Tr
     """
     if len(timestamps) != len(motions) + 1:
         raise DataError(f"{len(timestamps)} times for {len(motions)} motions, expected one more")
-    poses, steps = [np.zeros((6, 6))], [np.zeros((6, 6))]
-    for motion in motions:
-        poses.append(chained(poses[-1], motion))
+    errors = ChainedErrors(persistence=persistence)
+    poses, steps = [errors.pose], [np.zeros((6, 6))]
+    for motion, interval_s in zip(motions, np.diff(timestamps)):
+        errors = errors.after(motion, float(interval_s))
+        poses.append(errors.pose)
         steps.append(motion.covering)
     return TrajectoryCovariance(np.asarray(timestamps, np.float64), np.array(poses), np.array(steps))
 
 
-def chained(covariance: Array, motion: EgoMotion) -> Array:
-    """Covariance (6, 6) of the pose after a motion, from that of the pose before it."""
-    Ad = adjoint(motion.T_k_prev)
-    total = Ad @ covariance @ Ad.T + motion.covering
-    return np.asarray((total + total.T) / 2)
+def _symmetric(matrix: Array) -> Array:
+    return np.asarray((matrix + matrix.T) / 2)
+
+
+def _root(covariance: Array) -> Array:
+    """Root L (6, 6), ``L L^T`` the covariance, which varies smoothly with it and not with its units."""
+    sigma = np.sqrt(np.diag(covariance))
+    unit = np.where(sigma > 0, sigma, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(unit, unit))
+    return np.asarray(unit[:, None] * (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)
 
 
 def _write_covariance_csv(path: Path | str, covariance: TrajectoryCovariance) -> None:
@@ -146,15 +190,22 @@ def _write_trajectory_npz(path: Path | str, trajectory: Trajectory, covariance: 
         )
 
 
-def write_covariance(folder: Path, trajectory: Trajectory, motions: Sequence[EgoMotion]) -> None:
+def write_covariance(
+    folder: Path,
+    trajectory: Trajectory,
+    motions: Sequence[EgoMotion],
+    persistence: Persistence | None = None,
+) -> None:
     """Write ``covariance.csv`` and ``trajectory.npz`` of a trajectory chained from motions.
+
+    ``persistence`` is as in `trajectory_covariance`.
 
     Raises
     ------
     DataError
         If there is not one time more than motions, or the place cannot be written to.
     """
-    covariance = trajectory_covariance(trajectory.timestamps, motions)
+    covariance = trajectory_covariance(trajectory.timestamps, motions, persistence)
     _write_covariance_csv(folder / "covariance.csv", covariance)
     _write_trajectory_npz(folder / "trajectory.npz", trajectory, covariance)
 

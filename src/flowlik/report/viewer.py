@@ -19,7 +19,7 @@ from flowlik.flow.base import Image
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.measurement.measurements import Measurements
 from flowlik.odometry.odometry import Odometry
-from flowlik.odometry.trajectory_covariance import chained, world_covariance
+from flowlik.odometry.trajectory_covariance import ChainedErrors, world_covariance
 from flowlik.support.arrays import Array
 from flowlik.support.extras import extra
 
@@ -92,7 +92,8 @@ class _RerunViewer:
         rr: Any = extra("rerun", "viewing")
         self._rr = rr
         self._recording = rr.RecordingStream("flowlik", recording_id=uuid4())
-        self._covariance = np.zeros((6, 6))
+        self._errors: ChainedErrors | None = None
+        self._shown_s = 0.0
         self._ellipsoids: list[tuple[Array, Array, Array]] = []
         sinks = []
         try:
@@ -136,9 +137,12 @@ class _RerunViewer:
         rr = self._rr
         self._at(time_s)
         step = robot.last
+        if self._errors is None:
+            self._errors = ChainedErrors(persistence=robot.persistence)
         if step is not None:
             self._inliers(robot.estimator, step)
-            self._covariance = chained(self._covariance, step.motion)
+            self._errors = self._errors.after(step.motion, time_s - self._shown_s)
+        self._shown_s = time_s
         T = robot.poses[-1]
         camera = robot.camera
         self._log(
@@ -151,7 +155,7 @@ class _RerunViewer:
         )
         positions = np.array([pose.translation for pose in robot.poses])
         self._log("world/trajectory", rr.LineStrips3D([positions], colors=[KNOWN]))
-        covariance = world_covariance(T, self._covariance)[3:, 3:]
+        covariance = world_covariance(T, self._errors.pose)[3:, 3:]
         if np.isfinite(covariance).all():
             half_sizes, R = _ellipsoid(covariance)
             quaternion = Rotation.from_matrix(R).as_quat()

@@ -1,0 +1,236 @@
+"""Errors of motions over time: how they stay, and whether chains of motions are as far off as they say.
+
+    python benchmarks/over_time.py --cache CACHE --out RUN [--models lucas-kanade dis] [--write FOLDER]
+
+Motions of known depth, 180 in a row at 60 frames/s, of flights rendered once into CACHE. `CALIBRATION` gives
+the share that stays and its memory; `HELD_OUT`, of other seeds and speeds, judges. With --write the models
+with what was found are left in FOLDER.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import RigidTransform
+
+from flowlik.egomotion import EgoMotion, Status, lcmsac
+from flowlik.flow import flow_method
+from flowlik.geometry.motion import relative_motion
+from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.model_file import load_likelihood, save_likelihood
+from flowlik.likelihood.over_time import OverTime, Persistence
+from flowlik.likelihood.shared_errors import SharedErrors
+from flowlik.odometry import Odometry, flow_factor
+from flowlik.odometry.trajectory_covariance import ChainedErrors
+from flowlik.results.records import Record, protocol, write_records
+from flowlik.support.files import atomic_write
+
+FRAMES_PER_SECOND, MOTIONS = 60, 180
+CHAINS = (15, 30, 60, 120, 180)
+FORMS = {"full": 6, "given-rotation": 3}
+
+
+@dataclass(frozen=True)
+class Flight:
+    """Frames in a row from the middle of a flight: world, path, speed [m/s], seed."""
+
+    world: str
+    trajectory: str
+    speed_mps: float
+    seed: int
+
+    @property
+    def name(self) -> str:
+        return f"{self.world}-{self.trajectory}-{self.speed_mps:g}-{self.seed}"
+
+
+CALIBRATION = (
+    Flight("forest", "forest-fig8", 6.0, 200),
+    Flight("forest", "curve", 3.0, 202),
+    Flight("planes", "training", 6.0, 204),
+    Flight("forest", "straight", 6.0, 206),
+    Flight("forest", "training", 12.0, 203),
+    Flight("forest", "training", 3.0, 205),
+)
+HELD_OUT = (
+    Flight("forest", "forest-fig8", 6.0, 300),
+    Flight("forest", "curve", 6.0, 301),
+    Flight("planes", "training", 4.0, 303),
+    Flight("forest", "straight", 9.0, 302),
+    Flight("forest", "training", 9.0, 305),
+)
+
+
+class Motions(NamedTuple):
+    """Estimated motions of a flight with their covariances (M, 6, 6), and the true ones."""
+
+    estimated: list[EgoMotion]
+    true: list[RigidTransform]
+
+
+def flown(flight: Flight, name: str, model: FlowLikelihood, cache: Path) -> Motions:
+    """Motions of a flight by a model, from the cache if it has them."""
+    path = cache / f"{flight.name}--{name}.npz"
+    if not path.is_file():
+        _fly(flight, model, path)
+    with np.load(path) as data:
+        status = [Status(s) for s in data["status"]]
+        estimated = [
+            EgoMotion(RigidTransform.from_matrix(T), np.zeros((6, 6)), C, s)
+            for T, C, s in zip(data["T"], data["covariance"], status)
+        ]
+        return Motions(estimated, [RigidTransform.from_matrix(T) for T in data["true"]])
+
+
+def _fly(flight: Flight, model: FlowLikelihood, path: Path) -> None:
+    from flowlik.simulation import simulate
+
+    length_m = 100.0 if flight.trajectory in ("straight", "curve") else 200.0
+    frames = int(length_m * FRAMES_PER_SECOND / flight.speed_mps)
+    sequence = simulate(flight.world, flight.trajectory, frames, flight.speed_mps, flight.seed)
+    first = int(0.4 * (frames - MOTIONS - 1))
+    robot = Odometry(sequence.camera, flow_method(model.method or {}), lcmsac(model))
+    estimated, true = [], []
+    for k in range(first, first + MOTIONS + 1):
+        motion = robot.step(sequence.image(k), k / FRAMES_PER_SECOND, sequence.depth(k))
+        if k > first:
+            estimated.append(motion)
+            true.append(relative_motion(sequence.T_n_c(k - 1), sequence.T_n_c(k)))
+    with atomic_write(path, "wb") as file:
+        np.savez(
+            file,
+            T=np.array([m.T_k_prev.as_matrix() for m in estimated]),
+            covariance=np.array([m.covariance for m in estimated]),
+            status=[m.status.value for m in estimated],
+            true=np.array([T.as_matrix() for T in true]),
+        )
+    print(f"flown {flight.name}", flush=True)
+
+
+def with_over_time(model: FlowLikelihood, over_time: OverTime) -> FlowLikelihood:
+    """Model that knows how its motions' errors stay."""
+    shared = model.shared_errors
+    return replace(model, shared_errors=SharedErrors(shared.correlation, shared.composite_power, over_time))
+
+
+def whitened(motions: Motions, form: str) -> np.ndarray:
+    """Errors (M, 6) of motions in stated standard deviations, or of translations (M, 3) given rotation."""
+    errors = []
+    for motion, true in zip(*motions):
+        xi = (motion.T_k_prev * true.inv()).as_exp_coords()
+        C = motion.covariance
+        if form == "given-rotation":
+            gain = np.linalg.solve(C[:3, :3], C[:3, 3:]).T
+            xi, C = xi[3:] - gain @ xi[:3], C[3:, 3:] - gain @ C[:3, 3:]
+        errors.append(np.linalg.solve(np.linalg.cholesky(C), xi))
+    return np.array(errors)
+
+
+def factors(errors: np.ndarray, lengths: tuple[int, ...]) -> np.ndarray:
+    """Variance of sums of so many whitened errors in a row, over that of independent ones."""
+    sums = np.vstack([np.zeros(errors.shape[1]), np.cumsum(errors, axis=0)])
+    return np.array([((sums[n:] - sums[:-n]) ** 2).mean() / n for n in lengths])
+
+
+def fitted(flights: list[np.ndarray]) -> Persistence:
+    """Share and memory whose long-run factors are nearest to those of the flights, in ratio."""
+    lengths = (1, 2, 4, 8, 15, 30, 60, 90)
+    mean = np.log(np.mean([factors(errors, lengths) for errors in flights], axis=0))
+
+    def misfit(free: np.ndarray) -> np.ndarray:
+        stays = Persistence(*np.exp(free))
+        return np.log([stays.long_run_factor(n, 1 / FRAMES_PER_SECOND) for n in lengths]) - mean
+
+    bounds = np.log([[1e-3, 0.02], [9.9, 20.0]])
+    return Persistence(*np.exp(least_squares(misfit, np.log([0.5, 0.5]), bounds=bounds).x))
+
+
+def calibrated(name: str, model: FlowLikelihood, cache: Path) -> OverTime:
+    """What stays of a model's motions on the calibration flights."""
+    flights = [flown(flight, name, model, cache) for flight in CALIBRATION]
+    full, given = (fitted([whitened(f, form) for f in flights]) for form in FORMS)
+    return OverTime(full, given)
+
+
+def nees(motions: Motions, first: int, length: int, model: FlowLikelihood, form: str) -> float:
+    """Squared error of a chain over its stated covariance."""
+    chain = list(zip(*motions))[first : first + length]
+    interval_s = 1 / FRAMES_PER_SECOND
+    over_time = model.shared_errors.over_time
+    if form == "full":
+        errors = ChainedErrors(persistence=over_time and over_time.full)
+        estimated = true = RigidTransform.identity()
+        for motion, T in chain:
+            errors = errors.after(motion, interval_s)
+            estimated, true = motion.T_k_prev * estimated, T * true
+        eta = (estimated * true.inv()).as_exp_coords()
+        return float(eta @ np.linalg.solve(errors.pose, eta))
+    independent = OverTime(Persistence(0.0, 1.0), Persistence(0.0, 1.0))
+    one = with_over_time(model, independent)
+    stays = (over_time or independent).given_rotation
+    total, covariance, R = np.zeros(3), np.zeros((3, 3)), np.eye(3)
+    for motion, T in chain:
+        if (factor := flow_factor(motion, one, interval_s)) is None:
+            continue
+        # into the axes of the first frame
+        R = R @ T.rotation.as_matrix().T
+        total += R @ factor.residual(T)
+        covariance += R @ factor.covariance @ R.T
+    covariance *= stays.long_run_factor(length, interval_s)
+    return float(total @ np.linalg.solve(covariance, total))
+
+
+def judged(name: str, model: FlowLikelihood, cache: Path) -> Iterator[Record]:
+    """Chains of the held-out flights: NEES and long-run factors, a record a flight and over all."""
+    for form, freedoms in FORMS.items():
+        for length in CHAINS:
+            means = []
+            for flight in HELD_OUT:
+                motions = flown(flight, name, model, cache)
+                firsts = range(0, MOTIONS - length + 1, max(length // 2, 1))
+                values = [nees(motions, first, length, model, form) for first in firsts]
+                means.append(float(np.mean(values)))
+                note = protocol(
+                    model=name, form=form, chain=length, frames_per_second=FRAMES_PER_SECOND,
+                    over_time="none" if model.shared_errors.over_time is None else "calibrated",
+                )  # fmt: skip
+                keys = (flight.name, name, model.family.name, model.schedule.name, "lcmsac", len(values), 0)
+                yield Record("nees_mean", means[-1], "", *keys, note)
+                found = float(factors(whitened(motions, form), (length,))[0])
+                yield Record("long_run_factor", found, "", *keys, note)
+            each = " ".join(f"{m:7.1f}" for m in means)
+            print(f"{name:14} {form:15} {length:4} motions: NEES({freedoms}) {np.mean(means):7.1f} | {each}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--cache", type=Path, required=True)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--models", nargs="+", default=("lucas-kanade", "dis"))
+    parser.add_argument("--write", type=Path, help="folder for the models with what was found")
+    options = parser.parse_args()
+    options.cache.mkdir(parents=True, exist_ok=True)
+    records: list[Record] = []
+    for path in options.models:
+        name, model = Path(path).stem, load_likelihood(path)
+        over_time = calibrated(name, model, options.cache)
+        print(f"{name}: {over_time}")
+        for known in (replace(model, shared_errors=replace(model.shared_errors, over_time=None)),
+                      with_over_time(model, over_time)):  # fmt: skip
+            records += judged(name, known, options.cache)
+        if options.write is not None:
+            save_likelihood(with_over_time(model, over_time), options.write / f"{name}.json")
+    options.out.mkdir(parents=True, exist_ok=True)
+    write_records(options.out / "metrics.json", records)
+
+
+if __name__ == "__main__":
+    main()
