@@ -139,7 +139,10 @@ def factors(errors: np.ndarray, lengths: tuple[int, ...]) -> np.ndarray:
 
 
 def fitted(flights: list[np.ndarray]) -> Persistence:
-    """Share and memory whose long-run factors are nearest to those of the flights, in ratio."""
+    """Share and memory whose long-run factors are nearest to the flights' mean, in ratio.
+
+    Runs of 3 s tell nothing of a memory that is longer than half of them.
+    """
     lengths = (1, 2, 4, 8, 15, 30, 60, 90)
     mean = np.log(np.mean([factors(errors, lengths) for errors in flights], axis=0))
 
@@ -147,8 +150,9 @@ def fitted(flights: list[np.ndarray]) -> Persistence:
         stays = Persistence(*np.exp(free))
         return np.log([stays.long_run_factor(n, 1 / FRAMES_PER_SECOND) for n in lengths]) - mean
 
-    bounds = np.log([[1e-3, 0.02], [9.9, 20.0]])
-    return Persistence(*np.exp(least_squares(misfit, np.log([0.5, 0.5]), bounds=bounds).x))
+    bounds = np.log([[1e-3, 0.02], [9.9, 0.5 * MOTIONS / FRAMES_PER_SECOND]])
+    found = np.exp(least_squares(misfit, np.log([0.5, 0.5]), bounds=bounds).x)
+    return Persistence(*(round(float(value), 4) for value in found))
 
 
 def calibrated(name: str, model: FlowLikelihood, cache: Path) -> OverTime:

@@ -30,11 +30,14 @@ def test_the_long_run_factor_is_the_variance_of_a_sum(stays):
     assert stays.correlation(0.15) == pytest.approx(lag, abs=0.02)
 
 
-def test_a_filter_s_factor_is_that_of_a_long_chain():
+def test_a_filter_s_factor_is_that_of_its_horizon():
     stays = Persistence(0.6, 0.4)
-    assert stays.filter_factor(1 / 60) == pytest.approx(stays.long_run_factor(20_000, 1 / 60), rel=2e-3)
+    assert stays.filter_factor(1 / 60, 2.0) == stays.long_run_factor(120, 1 / 60)
+    assert stays.filter_factor(3.0, 2.0) == 1.0
     # half the motions, each with half the others beside it
     assert stays.filter_factor(1 / 30) == pytest.approx(0.5 * stays.filter_factor(1 / 60), rel=0.05)
+    with pytest.raises(ModelError, match="over 0 s"):
+        stays.filter_factor(1 / 60, 0.0)
 
 
 @pytest.mark.parametrize(("share", "memory_s"), [(-0.1, 1.0), (11.0, 1.0), (0.5, 0.0), (float("nan"), 1.0)])

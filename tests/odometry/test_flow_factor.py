@@ -89,7 +89,7 @@ def test_what_cannot_be_a_factor_is_said(model, motion):
         flow_factor(motion, unknown, INTERVAL_S)
     with pytest.raises(DataError, match="in metres"):
         flow_factor(replace(motion, scale_known=False), model, INTERVAL_S)
-    with pytest.raises(DataError, match="time between frames"):
+    with pytest.raises(DataError, match="a time between frames"):
         flow_factor(motion, model, 0.0)
     with pytest.raises(DataError, match="unknown form 'both'"):
         flow_factor(motion, model, INTERVAL_S, "both")

@@ -11,6 +11,8 @@ from flowlik.errors import ModelError
 from flowlik.support.arrays import Array
 
 MOST_SHARE = 10.0
+# how long a filter goes by flow alone, unless it says
+HORIZON_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -73,14 +75,20 @@ class Persistence:
         lag = np.arange(1.0, motions)
         return self.variance + 2 * float(((1 - lag / motions) * self.correlation(lag * interval_s)).sum())
 
-    def filter_factor(self, interval_s: float) -> float:
+    def filter_factor(self, interval_s: float, horizon_s: float = HORIZON_S) -> float:
         """Factor of a motion's covariance for a filter that takes each motion as independent of the others.
 
-        With motions every so many seconds, it is the long-run factor of a chain much longer than the memory;
-        over shorter times it is too cautious.
+        The long-run factor of motions every ``interval_s`` over the time in which nothing else tells the
+        filter what they tell.
+
+        Raises
+        ------
+        ModelError
+            If no time passes.
         """
-        kept = float(np.exp(-interval_s / self.memory_s))
-        return self.variance + 2 * self.share * kept / (1 - kept)
+        if not (interval_s > 0 and horizon_s > 0):
+            raise ModelError(f"no long-run factor of motions every {interval_s:g} s over {horizon_s:g} s")
+        return self.long_run_factor(max(round(horizon_s / interval_s), 1), interval_s)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from flowlik.egomotion import EgoMotion
 from flowlik.errors import DataError, ModelError
 from flowlik.geometry.motion import skew
 from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.over_time import HORIZON_S
 from flowlik.support.arrays import Array
 
 Form = Literal["given-rotation", "full"]
@@ -52,7 +53,11 @@ class FlowFactor:
 
 
 def flow_factor(
-    motion: EgoMotion, likelihood: FlowLikelihood, interval_s: float, form: Form = "given-rotation"
+    motion: EgoMotion,
+    likelihood: FlowLikelihood,
+    interval_s: float,
+    form: Form = "given-rotation",
+    horizon_s: float = HORIZON_S,
 ) -> FlowFactor | None:
     """Measurement for a filter that takes a motion every ``interval_s``; None where the images tell none.
 
@@ -66,7 +71,9 @@ def flow_factor(
         Time [s] between the frames.
     form : {"given-rotation", "full"}
         ``"given-rotation"`` for a filter with a gyroscope, whose rotation is far better: what is left of the
-        translation's error then hardly stays. ``"full"`` without one; never both for one motion.
+        translation's error then stays less. ``"full"`` without one; never both for one motion.
+    horizon_s : float
+        Time [s] for which the filter goes by flow alone, before a position or a velocity corrects it.
 
     Raises
     ------
@@ -77,8 +84,10 @@ def flow_factor(
     """
     if form not in ("given-rotation", "full"):
         raise DataError(f"unknown form {form!r} of a flow factor: known are 'given-rotation' and 'full'")
-    if not interval_s > 0:
-        raise DataError(f"a flow factor needs the time between frames, not {interval_s:g} s")
+    if not (interval_s > 0 and horizon_s > 0):
+        raise DataError(
+            f"a flow factor needs a time between frames and a horizon, not {interval_s:g} and {horizon_s:g} s"
+        )
     if (over_time := likelihood.shared_errors.over_time) is None:
         raise ModelError(
             "this model does not know how errors stay over time, so that a filter would be far too sure; "
@@ -92,8 +101,8 @@ def flow_factor(
     if not np.isfinite(C).all():
         return None
     if form == "full":
-        return FlowFactor(form, T, over_time.full.filter_factor(interval_s) * C, np.zeros((3, 3)))
+        return FlowFactor(form, T, over_time.full.filter_factor(interval_s, horizon_s) * C, np.zeros((3, 3)))
     gain = np.linalg.solve(C[:3, :3], C[:3, 3:]).T
     left = C[3:, 3:] - gain @ C[:3, 3:]
-    factor = over_time.given_rotation.filter_factor(interval_s)
+    factor = over_time.given_rotation.filter_factor(interval_s, horizon_s)
     return FlowFactor(form, T, factor * (left + left.T) / 2, gain - skew(T.translation))
