@@ -246,7 +246,8 @@ def main() -> None:
     if "drives" in options.parts:
         against_truth(judge, "drives", options.cache, options.kitti_poses, False)
     if "forest" in options.parts:
-        against_truth(judge, "forest", options.cache, options.kitti_poses, True)
+        for depth in (False, True):
+            against_truth(judge, "forest", options.cache, options.kitti_poses, depth)
     if "kitti" in options.parts:
         on_kitti(judge, options.data, options.own)
     finish(run)
