@@ -10,11 +10,13 @@ from flowlik.calibration import _learn
 from flowlik.egomotion import Status
 from flowlik.egomotion.result import unsolved
 from flowlik.errors import CalibrationError, ModelError
-from flowlik.flow import LucasKanade
+from flowlik.flow import LucasKanade, describe
 from flowlik.likelihood.model_file import load_likelihood, save_likelihood
-from flowlik.self_supervision import Pass, Reading, errors_against, learn_without_truth, learning
+from flowlik.likelihood.over_time import OverTime, Persistence
+from flowlik.likelihood.shared_errors import SCALES_PX, ScoreCorrelation, SharedErrors
+from flowlik.self_supervision import Pass, Reading, errors_against, learn_without_truth, learning, shared_by
 from flowlik.self_supervision.passes import check_enough
-from tests.helpers import random_motion
+from tests.helpers import lcm_likelihood, random_motion
 from tests.self_supervision.scenes import SIZE_PX, seen_pair
 
 
@@ -117,3 +119,24 @@ def test_vectors_that_are_all_alike_are_refused():
         pairs.append(pair._replace(measurements=replace(m, signals=signals, t=np.ones_like(m.t))))
     with pytest.raises(CalibrationError, match=r"alike|constant"):
         learn_without_truth(pairs, LucasKanade(), family="laplace")
+
+
+def test_what_whole_images_share_is_the_starts():
+    rng = np.random.default_rng(6)
+    T = random_motion(rng, 1.0, 0.6)
+    errors = [
+        errors_against(seen_pair(rng, 200, T, depth=True).residuals(), (T, T), ("texture",)) for _ in range(4)
+    ]
+    model = lcm_likelihood(method=describe(LucasKanade()))
+    weights = [0.5, *np.zeros(len(SCALES_PX)), 0.1]
+    correlation = ScoreCorrelation(
+        np.array(SCALES_PX), *(np.array(weights) * share for share in (1.0, 0.5, 0.2))
+    )
+    stays = OverTime(Persistence(0.3, 1.0), Persistence(0.2, 1.0))
+    start = replace(model, shared_errors=SharedErrors(correlation, over_time=stays))
+    told = shared_by(model, errors, start)
+    kinds = (told.correlation.isotropic, told.correlation.along, told.correlation.vertical)
+    assert [kind[-1] for kind in kinds] == pytest.approx([0.1, 0.05, 0.02])
+    assert told.over_time == stays
+    alone = shared_by(model, errors, None)
+    assert (alone.correlation.along[-1], alone.over_time) == (0.0, None)

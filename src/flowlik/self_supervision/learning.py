@@ -254,7 +254,9 @@ def model_of_errors(
 def shared_by(
     likelihood: FlowLikelihood, errors: Seq[MotionErrors], start: FlowLikelihood | None, seed: int = 0
 ) -> SharedErrors:
-    """What errors of an image share, by at most 60 pairs; what whole images share is the start's.
+    """What errors of an image share, by at most 60 pairs.
+
+    What whole images share, and how long that stays, is the start's: two halves of one image do not tell.
 
     Parameters
     ----------
@@ -291,4 +293,5 @@ def shared_by(
     weights = {
         kind: np.append(getattr(found.correlation, kind)[:-1], whole) for kind, whole in zip(kinds, image)
     }
-    return replace(found, correlation=replace(found.correlation, **weights))
+    over_time = None if start is None else start.shared_errors.over_time
+    return replace(found, correlation=replace(found.correlation, **weights), over_time=over_time)
