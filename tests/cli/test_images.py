@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.cli.call import refuse, succeed
+from tests.cli.conftest import image_of
 from tests.datasets.camera_files import ROS
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -63,3 +64,33 @@ def test_what_does_not_fit_the_images_is_refused(flight, out, tmp_path, words, m
     words = [paths.get(word, word) for word in words]
     images = flight / "image_lcam_front"
     refuse("odometry", images, *words, "--model", "lucas-kanade", out=out, message=message)
+
+
+def test_a_mask_keeps_flow_away_from_an_arm(flight, tmp_path):
+    """Something that stands before both images: there the true flow is not that of what is seen."""
+    arm = np.s_[16:48, 24:72]
+    for k in (0, 1):
+        image = cv2.imread(str(image_of(flight, k)), cv2.IMREAD_GRAYSCALE)
+        image[arm] = np.random.default_rng(0).integers(0, 255, image[arm].shape)
+        cv2.imwrite(str(tmp_path / f"{k}.png"), image)
+    mask = np.full((64, 96), 255, np.uint8)
+    mask[arm] = 0
+    cv2.imwrite(str(tmp_path / "mask.png"), mask)
+    truth = flight / "flow_lcam_front/000000_000001_flow.png"
+    words = ("flow", tmp_path / "0.png", tmp_path / "1.png", "--model", "farneback", "--truth", truth)
+    bare = records(*words, "--out", tmp_path / "bare")
+    found = records(*words, "--mask", tmp_path / "mask.png", "--out", tmp_path / "masked")
+    assert bare["coverage_90"]["value"] < 0.8
+    assert found["coverage_90"]["value"] > 0.88
+    assert "mask=given" in found["coverage_90"]["protocol"]
+    assert "mask" not in bare["coverage_90"]["protocol"]
+    column, row = np.rint(np.load(tmp_path / "masked/flow.npz")["pixels"]).astype(int).T
+    assert mask[row, column].all()
+    cv2.imwrite(str(tmp_path / "mask.png"), mask[1:])
+    refuse(
+        *words,
+        "--mask",
+        tmp_path / "mask.png",
+        out=tmp_path / "out",
+        message="96 x 63 pixels, but the image has 96 x 64",
+    )

@@ -12,6 +12,7 @@ from flowlik.cli._options import (
     Camera,
     FlowPng,
     Json,
+    Mask,
     Method,
     Out,
     Recording,
@@ -42,6 +43,7 @@ def run(
     flow_png: FlowPng = None,
     confidence: Annotated[float, typer.Option(help="Confidence of the intervals.")] = FlowOptions.confidence,
     camera: Camera = None,
+    mask: Mask = None,
     view: View = False,
     record: Recording = False,
     json: Json = False,
@@ -62,6 +64,7 @@ def run(
         flow_png=flow_png,
         confidence=confidence,
         camera=camera,
+        mask=mask,
         view=view,
         record=record,
     )

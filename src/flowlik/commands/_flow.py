@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from flowlik.commands._pictures import uncertainty_picture
 from flowlik.commands.options import FlowOptions
-from flowlik.datasets import read_grey
+from flowlik.datasets import read_grey, read_mask
 from flowlik.datasets.agreement import pair_doubt
 from flowlik.datasets.flow_files import read_flow, write_flo, write_kitti_flow
 from flowlik.datasets.flow_png import MOST_PX
@@ -72,11 +72,12 @@ def flow(
     likelihood.check_components()
     chosen = coded(confirmed_method(likelihood.method or {}, options.method), options.flow_png)
     image, following = read_grey(previous), read_grey(current)
+    usable = None if options.mask is None else read_mask(options.mask, image.shape)
     lens = None if options.camera is None else given_lens(options.camera, image.shape)
-    if lens is not None:
+    if lens is not None and lens.distorts:
+        usable = lens.valid(image.shape) if usable is None else lens.straighten_mask(usable)
         image, following = lens.undistort(image), lens.undistort(following)
         chosen = replace(chosen, lens=lens) if isinstance(chosen, FlowFiles) else chosen
-    usable = lens.valid(image.shape) if lens is not None and lens.distorts else None
     images = image, following
     m = measure_clear(images, chosen, likelihood.texture, usable, signals=likelihood.signals)
     if not len(m):
@@ -87,13 +88,12 @@ def flow(
         true_flow = true_flow if lens is None else lens.straighten_flow(true_flow)
     config = {"images": [str(previous), str(current)], "model": str(model), **options.asdict()}
     run = RunFolder(out, command, {**config, "flow": describe(chosen)})
-    _warn_of_doubts(run, images, true_flow, chosen)
+    _warn_of_doubts(run, images, true_flow, chosen, usable)
     shown = viewer(options.view, run.begin() / "view.rrd" if options.record else None)
     x, confidence = likelihood.coordinate(m), options.confidence
     half_width = likelihood.bound(x, confidence)
-    run.records = _records(
-        m, likelihood, half_width, confidence, true_flow, f"{previous.name} to {current.name}"
-    )
+    told = {"confidence": confidence, "mask": None if options.mask is None else "given"}
+    run.records = _records(m, likelihood, half_width, told, true_flow, f"{previous.name} to {current.name}")
     if message := outside_warning(likelihood.schedule.outside(x), "this image"):
         run.warn(message)
     picture = uncertainty_picture(image, m, half_width, confidence)
@@ -106,14 +106,18 @@ def flow(
 
 
 def _warn_of_doubts(
-    run: RunFolder, images: tuple[Image, Image], true_flow: Array | None, method: FlowMethod
+    run: RunFolder,
+    images: tuple[Image, Image],
+    true_flow: Array | None,
+    method: FlowMethod,
+    usable: NDArray[np.bool_] | None,
 ) -> None:
     """Let a run warn of true flow, or of flow on disk, that is not that of the images."""
     doubts = []
     if true_flow is not None:
-        doubts.append(pair_doubt("true flow", images, true_flow))
+        doubts.append(pair_doubt("true flow", images, true_flow, usable=usable))
     if isinstance(method, FlowFiles):
-        doubts.append(pair_doubt(f"flow {method.label}", images, method.dense(*images), exact=False))
+        doubts.append(pair_doubt(f"flow {method.label}", images, method.dense(*images), False, usable))
     for doubt in filter(None, doubts):
         run.warn(doubt)
 
@@ -156,14 +160,14 @@ def _records(
     m: Measurements,
     likelihood: FlowLikelihood,
     half_width: Array,
-    confidence: float,
+    told: dict[str, Any],
     true_flow: Array | None,
     dataset: str,
 ) -> list[Record]:
     x = likelihood.coordinate(m)
 
     def record(metric: str, value: float, unit: str, count: int, **keys: object) -> Record:
-        note = protocol(confidence=confidence, vectors=len(m), lost=m.lost, **keys)
+        note = protocol(**told, vectors=len(m), lost=m.lost, **keys)
         return Record(
             metric,
             value,
@@ -186,22 +190,20 @@ def _records(
     ]
     if true_flow is None:
         return records
+    given = {"truth": "given flow", "pixels": "known truth"}
     truth = sample_flow(true_flow, m.pixels)
     known = np.asarray(np.isfinite(truth).all(axis=1))
     z = m.select(known).errors(truth[known])
     for level in COVERAGES:
         inside = np.abs(z) <= likelihood.bound(x[known], level)
         name = f"coverage_{level * 100:.0f}"
-        records.append(
-            record(name, float(inside.mean()), "", z.size, truth="given flow", pixels="known truth")
-        )
-    told = {"truth": "given flow", "pixels": "known truth"}
+        records.append(record(name, float(inside.mean()), "", z.size, **given))
     held = float(_in_ellipse(m.select(known), truth[known], likelihood, 0.9).mean())
     nll = float(-likelihood.log_prob(z, x[known]).mean())
     return [
         *records,
-        record("coverage_ellipse_90", held, "", len(z), **told),
-        record("nll", nll, "nat", z.size, **told),
+        record("coverage_ellipse_90", held, "", len(z), **given),
+        record("nll", nll, "nat", z.size, **given),
     ]
 
 

@@ -195,6 +195,8 @@ class FlowOptions(Options):
         Of the intervals drawn.
     camera : str, optional
         A camera file: both images are undistorted first. Without distortion a camera changes nothing.
+    mask : Path, optional
+        Image of the size of the images as they are, white where pixels are used.
     view, record : bool
         Show it live in the rerun viewer; record it as ``view.rrd``.
     """
@@ -204,6 +206,7 @@ class FlowOptions(Options):
     flow_png: str | None = None
     confidence: float = 0.9
     camera: str | None = None
+    mask: Path | None = None
     view: bool = False
     record: bool = False
 

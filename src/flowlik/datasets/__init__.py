@@ -11,6 +11,7 @@ from flowlik.datasets import _layouts as layouts
 from flowlik.datasets._camera_file import read_camera
 from flowlik.datasets._images import read_grey
 from flowlik.datasets._lens import Lens
+from flowlik.datasets._mask_file import read_mask
 from flowlik.datasets._masked import masked
 from flowlik.datasets._resized import resized
 from flowlik.datasets.agreement import truth_doubts
@@ -34,6 +35,7 @@ __all__ = [
     "open_sequence",
     "read_camera",
     "read_grey",
+    "read_mask",
     "read_uncertainty",
     "resized",
     "select_frames",

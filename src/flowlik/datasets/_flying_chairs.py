@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from flowlik.datasets._pairs import ImagePair, ImagePairs
+from flowlik.datasets._pairs import ImagePair, ImagePairs, by_stem
 from flowlik.errors import DataError
 from flowlik.support.files import printable
 
-IMAGES = (("img1", "img2"), ("img0", "img1"))
-"""Ends of the names of first and second image: of the release, and of samples that count from 0."""
-
-SUFFIXES = (".ppm", ".png", ".jpg")
+SUFFIXES = frozenset({".ppm", ".png", ".jpg", ".jpeg"})
 
 
 class FlyingChairs(ImagePairs):
@@ -29,7 +26,7 @@ class FlyingChairs(ImagePairs):
     Raises
     ------
     DataError
-        If there is no flow, or a flow lacks an image.
+        If there is no flow, a flow lacks an image or an image its flow, or there are two of one number.
     """
 
     def __init__(self, folder: Path | str) -> None:
@@ -37,19 +34,24 @@ class FlyingChairs(ImagePairs):
         if not folder.is_dir():
             raise DataError(f"{folder}: no such folder")
         inside = folder / "data" if (folder / "data").is_dir() else folder
-        names = {path.name for path in inside.iterdir()}
-        flows = sorted(name for name in names if name.endswith("flow.flo"))
+        flows = by_stem(inside, ".*flow", {".flo"})
         if not flows:
             raise DataError(f"{inside}: no NNNNN_flow.flo, not a FlyingChairs folder")
-        pairs = [_pair(inside, names, flow) for flow in flows]
+        images = by_stem(inside, ".*img[012]", SUFFIXES)
+        pairs = [_pair(images, flow) for flow in flows.values()]
+        for image in images.values():
+            if image.stem[:-4] + "flow" not in flows:
+                raise DataError(f"{image}: its flow {image.stem[:-4]}flow.flo is not there")
         super().__init__(f"flying-chairs/{printable(folder.resolve().name)}", pairs)
 
 
-def _pair(folder: Path, names: set[str], flow: str) -> ImagePair:
-    stem = flow.removesuffix("flow.flo")
-    for first, second in IMAGES:
-        for suffix in SUFFIXES:
-            images = stem + first + suffix, stem + second + suffix
-            if images[0] in names and images[1] in names:
-                return ImagePair(folder / images[0], folder / images[1], folder / flow)
-    raise DataError(f"{folder / flow}: its images {stem}img1.ppm and {stem}img2.ppm are not both there")
+def _pair(images: dict[str, Path], flow: Path) -> ImagePair:
+    """Images 1 and 2 as in the release, or 0 and 1 as in samples that count from 0."""
+    stem = flow.stem.removesuffix("flow")
+    found = [path for i in range(3) if (path := images.get(f"{stem}img{i}")) is not None]
+    if len(found) > 2:
+        names = ", ".join(path.name for path in found)
+        raise DataError(f"{flow}: three images ({names}), and nothing says which two it is between")
+    if len(found) < 2 or f"{stem}img1" not in images:
+        raise DataError(f"{flow}: its images {stem}img1.ppm and {stem}img2.ppm are not both there")
+    return ImagePair(*found, flow)

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.datasets._images import of_size
-from flowlik.datasets._pairs import ImagePair, ImagePairs
+from flowlik.datasets._pairs import ImagePair, ImagePairs, by_stem
 from flowlik.datasets.base import lacks
 from flowlik.datasets.flow_files import read_flow
+from flowlik.datasets.kitti import IMAGE_KINDS
 from flowlik.errors import DataError
 from flowlik.support.files import printable
 
@@ -26,9 +27,9 @@ class KittiFlow(ImagePairs):
     """The pairs of the KITTI flow benchmark of 2012 or 2015 (Geiger, Menze), a `PairSequence`.
 
     ``image_2`` (2015), ``image_0`` or ``colored_0`` (2012; grey is preferred) hold pairs ``NNNNNN_10.png``,
-    ``NNNNNN_11.png``, and ``flow_occ`` or ``flow_noc`` the flow (16-bit PNG, steps of 1/64 px). The truth is
-    that of a laser scanner, sparse, and mostly on the ground and near things; moving cars of 2015 are fitted
-    models.
+    ``NNNNNN_11.png`` (or JPEG), and ``flow_occ`` or ``flow_noc`` the flow (16-bit PNG, steps of 1/64 px).
+    The truth is that of a laser scanner, sparse, and mostly on the ground and near things; moving cars of
+    2015 are fitted models.
 
     Parameters
     ----------
@@ -38,7 +39,7 @@ class KittiFlow(ImagePairs):
     Raises
     ------
     DataError
-        If there are no images, or one lacks its partner.
+        If there are no images, one lacks its partner, or there are two of one number.
     """
 
     png: ClassVar[str | None] = "kitti"
@@ -51,17 +52,19 @@ class KittiFlow(ImagePairs):
         images = next((self.folder / name for name in IMAGES if (self.folder / name).is_dir()), None)
         if images is None:
             raise DataError(f"{self.folder}: no folder {' or '.join(IMAGES)}, not a KITTI flow folder")
-        firsts = sorted(images.glob("*_10.png"))
+        firsts, seconds = (by_stem(images, f"[0-9]+_{n}", IMAGE_KINDS) for n in (10, 11))
         if not firsts:
             raise DataError(f"{images}: no images NNNNNN_10.png")
+        for start in sorted({stem[:-2] for stem in (*firsts, *seconds)}):
+            for n, found in ((10, firsts), (11, seconds)):
+                if f"{start}{n}" not in found:
+                    path, partner = images / f"{start}{n}.png", f"{start}{21 - n}"
+                    raise DataError(f"{path}: no such image, the partner of {partner}")
         truth = next((self.folder / name for name in TRUTH if (self.folder / name).is_dir()), None)
-        pairs = []
-        for first in firsts:
-            second = first.with_name(first.name.replace("_10.png", "_11.png"))
-            if not second.is_file():
-                raise DataError(f"{second}: no such image, the partner of {first.name}")
-            path = None if truth is None else truth / first.name
-            pairs.append(ImagePair(first, second, path))
+        pairs = [
+            ImagePair(first, seconds[f"{stem[:-2]}11"], truth and truth / f"{stem}.png")
+            for stem, first in firsts.items()
+        ]
         super().__init__(f"kitti-flow/{IMAGES[images.name]}-{printable(self.folder.resolve().name)}", pairs)
 
     def visible(self, k: int) -> NDArray[np.bool_]:
@@ -77,7 +80,7 @@ class KittiFlow(ImagePairs):
         """
         i = self.pair_index(k)
         first = self.pairs[i].first
-        path = self.folder / "flow_noc" / first.name
+        path = self.folder / "flow_noc" / f"{first.stem}.png"
         if not path.is_file():
             raise lacks(self.name, f"visibility for {first.name} (no {path})")
         flow = of_size(read_flow(path, self.png), self._shape(i), path, first.name)

@@ -21,6 +21,9 @@ OFF_CENTRE = 0.1
 BEYOND = -1e4
 """Where a map points that finds nothing."""
 
+WHOLE = 0.999
+"""Interpolated, a mask of 0 and 1 is at least so large where all it was made of is usable."""
+
 Maps = tuple[NDArray[np.float32], NDArray[np.float32]]
 
 
@@ -92,6 +95,13 @@ class Lens:
         """Which pixels (H, W) of undistorted images the original shows, with all that interpolation needs."""
         columns, rows = self.maps(shape)
         return (columns >= 1) & (columns <= shape[1] - 2) & (rows >= 1) & (rows <= shape[0] - 2)
+
+    def straighten_mask(self, usable: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Usable pixels (H, W) of undistorted images: shown, and made of usable pixels of the original."""
+        if not self.distorts:
+            return usable
+        parts = cv2.remap(usable.astype(np.float32), *self.maps(usable.shape), cv2.INTER_LINEAR)
+        return np.asarray(self.valid(usable.shape) & (parts > WHOLE))
 
     def undistort(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Image (H, W) as a pinhole camera would have seen it, bicubic; black beyond the original."""

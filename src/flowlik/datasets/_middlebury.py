@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flowlik.datasets._disparity import read_disparity
 from flowlik.datasets._layouts import STEREO_FILES
-from flowlik.datasets._pairs import ImagePair, ImagePairs, scene_folders
+from flowlik.datasets._pairs import ImagePair, ImagePairs, image_pair, scene_folders
 from flowlik.errors import DataError
 from flowlik.support.files import printable
 
@@ -28,7 +28,7 @@ class MiddleburyFlow(ImagePairs):
     Raises
     ------
     DataError
-        If there is no ``frame10.png``.
+        If there is no ``frame10.png``, or one lacks its partner, or is there in another format too.
     """
 
     def __init__(self, folder: Path | str) -> None:
@@ -37,7 +37,7 @@ class MiddleburyFlow(ImagePairs):
         for scene in scene_folders(folder, "frame10.png"):
             apart = scene.resolve().parent.parent / "other-gt-flow" / scene.resolve().name / "flow10.flo"
             truth = next((path for path in (scene / "flow10.flo", apart) if path.is_file()), None)
-            pairs.append(ImagePair(scene / "frame10.png", scene / "frame11.png", truth))
+            pairs.append(image_pair(scene / "frame10.png", scene / "frame11.png", truth))
         super().__init__(f"middlebury-flow/{printable(folder.resolve().name)}", pairs)
 
 
@@ -57,7 +57,8 @@ class MiddleburyStereo(ImagePairs):
     Raises
     ------
     DataError
-        If there is no left image, or more than one in a scene.
+        If there is no left image, or more than one in a scene, or one lacks its partner, or is there in
+        another format too.
     """
 
     def __init__(self, folder: Path | str) -> None:
@@ -81,14 +82,13 @@ class MiddleburyStereo(ImagePairs):
 
 def _stereo_pairs(folder: Path) -> list[ImagePair]:
     """The one pair of a scene, or none if there is no left image."""
-    for left, right, disparity in STEREO_FILES:
-        firsts = sorted(folder.glob(left))
-        if len(firsts) > 1:
-            raise DataError(f"{folder}: {len(firsts)} left images {left}, but a scene has one")
-        if firsts:
-            scene = firsts[0].name.removesuffix(left.lstrip("*"))
-            truth = folder / (scene + disparity.lstrip("*"))
-            return [
-                ImagePair(firsts[0], folder / (scene + right.lstrip("*")), truth if truth.is_file() else None)
-            ]
-    return []
+    found = [(first, *names) for names in STEREO_FILES for first in sorted(folder.glob(names[0]))]
+    if len(found) > 1:
+        names = ", ".join(first.name for first, *_ in found)
+        raise DataError(f"{folder}: {len(found)} left images ({names}), but a scene has one")
+    pairs = []
+    for first, left, right, disparity in found:
+        scene = first.name.removesuffix(left.lstrip("*"))
+        second, truth = (folder / (scene + name.lstrip("*")) for name in (right, disparity))
+        pairs.append(image_pair(first, second, truth if truth.is_file() else None))
+    return pairs

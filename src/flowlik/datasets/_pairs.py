@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Container
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -11,8 +13,10 @@ from numpy.typing import NDArray
 
 from flowlik.datasets._frames import Lacking
 from flowlik.datasets._images import of_size, read_grey
+from flowlik.datasets._layouts import IMAGE_SUFFIXES
 from flowlik.datasets.base import PairSequence, frame_index, lacks
 from flowlik.datasets.flow_files import read_flow
+from flowlik.datasets.naming import in_order
 from flowlik.errors import DataError
 
 
@@ -100,6 +104,36 @@ class ImagePairs(PairSequence, Lacking):
         if i not in self._shapes:
             self.image(2 * i)
         return self._shapes[i]
+
+
+def image_pair(first: Path, second: Path, truth: Path | None) -> ImagePair:
+    """Files of a pair whose images must both be there, and in one format each.
+
+    Raises
+    ------
+    DataError
+        If the second image is missing, or an image stands beside one of its name in another format.
+    """
+    if not second.is_file():
+        raise DataError(f"{second}: no such image, the partner of {first.name}")
+    for image in (first, second):
+        for path in image.parent.iterdir():
+            twin = path.stem == image.stem and path.suffix.lower() in IMAGE_SUFFIXES
+            if twin and path.name != image.name:
+                raise DataError(f"{path}: the same image is also {image.name}; keep one of them")
+    return ImagePair(first, second, truth)
+
+
+def by_stem(folder: Path, pattern: str, suffixes: Container[str]) -> dict[str, Path]:
+    """Image files of a folder whose stem fits a pattern, by stem, in the order of the numbers in them.
+
+    Raises
+    ------
+    DataError
+        If there are two of one number, or one in two formats.
+    """
+    files = (p for p in folder.iterdir() if p.suffix.lower() in suffixes and re.fullmatch(pattern, p.stem))
+    return {path.stem: path for path in in_order(files)}
 
 
 def scene_folders(folder: Path, image: str) -> list[Path]:

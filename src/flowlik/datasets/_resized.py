@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.datasets._images import MAX_PIXELS
+from flowlik.datasets._lens import WHOLE
 from flowlik.datasets._wrapped import Wrapped
 from flowlik.datasets.base import ImageSequence, mask_of
-from flowlik.datasets.undistorted import WHOLE
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.image.sampling import sample_flow, sample_inverse_depth

@@ -115,6 +115,7 @@ def pair_doubt(
     images: tuple[NDArray[np.uint8], NDArray[np.uint8]],
     flow: NDArray[np.floating],
     exact: bool = True,
+    usable: NDArray[np.bool_] | None = None,
 ) -> str | None:
     """What to tell of flow (H, W, 2) [px] that is not that of two grey images (H, W), else None.
 
@@ -128,8 +129,10 @@ def pair_doubt(
         Flow [px]; NaN where unknown.
     exact : bool
         Whether it is true flow, or estimated.
+    usable : bool array (H, W), optional
+        Usable pixels of both images; without it all are.
     """
-    fit = _fit([_compared(*images, flow, None)], "flow")
+    fit = _fit([_compared(*images, flow, usable)], "flow")
     return _fit_doubt(name, fit, EXACT if exact else MEASURED, "it says")
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import cached_property
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,9 +14,6 @@ from flowlik.datasets.next_frame import is_visible, motion_to_next, true_flow, v
 from flowlik.geometry.camera import Pinhole
 from flowlik.image.sampling import sample_inverse_depth
 from flowlik.support.arrays import Array
-
-WHOLE = 0.999
-"""Interpolated, a mask of 0 and 1 is at least so large where all it was made of is usable."""
 
 
 class Undistorted(Wrapped):
@@ -61,10 +57,7 @@ class Undistorted(Wrapped):
     def mask(self, k: int) -> NDArray[np.bool_]:
         """Usable pixels (H, W) of frame k: shown, and made of usable pixels of the original."""
         usable = mask_of(self.inner, k)
-        if usable is None:
-            return self.valid
-        maps = self.lens.maps(self.shape)
-        return self.valid & (cv2.remap(usable.astype(np.float32), *maps, cv2.INTER_LINEAR) > WHOLE)
+        return self.valid if usable is None else self.lens.straighten_mask(usable)
 
     def depth(self, k: int) -> Array:
         """Return the depth (H, W) [m] along z of the undistorted pixels; NaN where unknown."""
