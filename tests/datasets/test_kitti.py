@@ -244,7 +244,7 @@ def test_images_of_another_size_and_truncated_ones_are_refused_when_read(tmp_pat
     path = folder / "image_0" / "000002.png"
     path.write_bytes(path.read_bytes()[:-20])
     sequence = KittiOdometry(folder)
-    with pytest.raises(DataError, match=r"000001\.png: the image is 40 x 31, the first one 40 x 30"):
+    with pytest.raises(DataError, match=r"000001\.png: 40 x 31 pixels, but the first image has 40 x 30"):
         sequence.image(1)
     with pytest.raises(DataError, match=r"000002\.png: not a readable image"):
         sequence.image(2)

@@ -62,7 +62,7 @@ def test_frames_that_cannot_be_used_are_left_out_and_told(folder):
     reasons = {bad.frame: bad.reason for bad in skipped}
     assert "000002.png: no such image file" in reasons[2]
     assert "000004.png: not a readable image" in reasons[4]
-    assert "the image is 9 x 9" in reasons[5]
+    assert "9 x 9 pixels, but the first image has" in reasons[5]
     assert reasons[6] == "time does not advance: 2.5 s after 3 s"
     assert chosen.T_n_c(2).translation[2] == pytest.approx(3.0)
 

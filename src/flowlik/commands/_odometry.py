@@ -96,7 +96,7 @@ def odometry(
     run = RunFolder(
         out, command, {"data": str(data), **options.asdict(), "flow": describe(flow)}, options.seed
     )
-    warn_of_doubts(run, sequence, flow)
+    doubted = warn_of_doubts(run, sequence, flow)
 
     settings = SelfCalibration() if options.self_calibrate else None
     robot = Odometry(
@@ -107,7 +107,7 @@ def odometry(
     what = f"{options.estimator} on {sequence.name}, image pairs"
     flown = _flown(sequence, robot, truth, progress(motions, what, len(sequence) - 1))
     _write_files(run.begin(), flown, options)
-    report_odometry(run, flown, options, skipped)
+    report_odometry(run, flown, options, skipped, doubted)
     finish(run)
     return run
 

@@ -69,8 +69,13 @@ class Flown:
         return method_label(describe(self.robot.method))
 
 
-def report_odometry(run: RunFolder, flown: Flown, options: OdometryOptions, skipped: list[Skipped]) -> None:
-    """Add records, figures and warnings to a run; the options' residual is the one chosen."""
+def report_odometry(
+    run: RunFolder, flown: Flown, options: OdometryOptions, skipped: list[Skipped], doubted: bool
+) -> None:
+    """Add records, figures and warnings to a run; the options' residual is the one chosen.
+
+    Frames that contradict their poses are named unless the data test ``doubted`` the poses as a whole.
+    """
     name, scale = flown.sequence.name, "depth" if options.residual == "depth" else options.scale
     run.records = _records(flown, options, scale)
     _save_figures(run, flown, metric=scale != "none")
@@ -81,7 +86,7 @@ def report_odometry(run: RunFolder, flown: Flown, options: OdometryOptions, skip
         run.records.append(
             replace(run.records[0], metric="skipped_frames", value=count, unit="", count=None, protocol="")
         )
-    if message := disagreement_warning(name, frames, flown.agreements):
+    if not doubted and (message := disagreement_warning(name, frames, flown.agreements)):
         run.warn(message)
     for bad in skipped:
         run.warn(f"{name}: frame {bad.frame} skipped: {bad.reason}")

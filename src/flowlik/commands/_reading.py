@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flowlik.commands._shared_options import Data
-from flowlik.datasets import masked, open_sequence, resized, truth_doubts
-from flowlik.datasets.agreement import flow_doubt
+from flowlik.datasets import masked, open_sequence, resized
+from flowlik.datasets.agreement import flow_doubt, motion_doubt, time_doubt
 from flowlik.datasets.base import ImageSequence, notes_of
 from flowlik.datasets.selection import usable, whole_pair
 from flowlik.flow import FlowFiles
@@ -40,12 +40,13 @@ def read_data(folder: Path, options: Data, run: RunFolder, flow: FlowMethod) -> 
     return sequence
 
 
-def warn_of_doubts(run: RunFolder, sequence: ImageSequence, flow: FlowMethod) -> None:
-    """Let a run warn of truth, or of flow on disk, that is not that of the images."""
-    for doubt in truth_doubts(sequence):
+def warn_of_doubts(run: RunFolder, sequence: ImageSequence, flow: FlowMethod) -> bool:
+    """Let a run warn of truth, or of flow on disk, that is not that of the images, and say if the truth is."""
+    moves = motion_doubt(sequence)
+    of_flow = flow_doubt(sequence, _on_disk(sequence, flow)) if isinstance(flow, FlowFiles) else None
+    for doubt in filter(None, (moves, time_doubt(sequence), of_flow)):
         run.warn(doubt)
-    if isinstance(flow, FlowFiles) and (of_flow := flow_doubt(sequence, _on_disk(sequence, flow))):
-        run.warn(of_flow)
+    return moves is not None
 
 
 def _on_disk(sequence: ImageSequence, flow: FlowFiles) -> Callable[[int], NDArray[np.float32]]:

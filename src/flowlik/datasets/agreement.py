@@ -78,14 +78,18 @@ def truth_doubts(sequence: ImageSequence, pairs: int = PAIRS) -> tuple[str, ...]
     pairs : int
         How many pairs to look at, spread over the sequence.
     """
+    return tuple(doubt for doubt in (motion_doubt(sequence, pairs), time_doubt(sequence)) if doubt)
+
+
+def motion_doubt(sequence: ImageSequence, pairs: int = PAIRS) -> str | None:
+    """What to tell where images do not move as the truth says, as in `truth_doubts`; else None."""
     found = _looked_at(sequence, pairs, lambda k: _explained(sequence, k))
     flow = any("flow" in pair for pair in found)
     tolerance, what = (EXACT, "its true flow says") if flow else (POSES, "its poses say")
     if flow and getattr(sequence, "measured_truth", False):
         tolerance = MEASURED
     fit = _fit(found, "flow" if flow else "poses")
-    doubts = (_fit_doubt(sequence.name, fit, tolerance, what), _time_doubt(sequence))
-    return tuple(doubt for doubt in doubts if doubt)
+    return _fit_doubt(sequence.name, fit, tolerance, what)
 
 
 def flow_doubt(
@@ -264,8 +268,8 @@ def _fit(pairs: Sequence[dict[str, float]], kind: str) -> Fit:
     return fit._replace(better=best, better_px=others[best])
 
 
-def _time_doubt(sequence: ImageSequence) -> str | None:
-    """What to tell where poses advance evenly by frames and unevenly by times."""
+def time_doubt(sequence: ImageSequence) -> str | None:
+    """What to tell where poses advance evenly by frames and unevenly by times; else None."""
     count = min(len(sequence), TIMED_FRAMES)
     if getattr(sequence, "isolated_pairs", False) or count <= LEAST_STEPS:
         return None

@@ -13,7 +13,7 @@ from scipy.spatial.transform import RigidTransform
 from flowlik.datasets._camera_model import matrix_lens
 from flowlik.datasets._camera_text import read_projection
 from flowlik.datasets._frames import Lacking, first_readable
-from flowlik.datasets._images import read_grey
+from flowlik.datasets._images import of_size, read_grey
 from flowlik.datasets._numbering import Numbered, numbered
 from flowlik.datasets.base import frame_index, lacks
 from flowlik.errors import DataError
@@ -122,11 +122,7 @@ class KittiOdometry(Lacking):
             If there is no such frame, or its file is unreadable or of another size than the first.
         """
         path = self._files[frame_index(self, k)]
-        image = read_grey(path)
-        expected = (self._camera.height, self._camera.width)
-        if image.shape != expected:
-            raise DataError(f"{path}: the image is {_size(image.shape)}, the first one {_size(expected)}")
-        return image
+        return of_size(read_grey(path), (self._camera.height, self._camera.width), path, "the first image")
 
     def timestamp(self, k: int) -> float:
         """Time [s] of frame k.
@@ -257,7 +253,3 @@ def numbered_images(folder: Path, gaps: bool = False) -> Numbered:
     if not files:
         raise DataError(f"{folder}: no images (NNNNNN.png or .jpg)")
     return numbered(files, r"([0-9]+)\.\w+", "NNNNNN.png or .jpg", gaps)
-
-
-def _size(shape: tuple[int, ...]) -> str:
-    return f"{shape[1]} x {shape[0]}"
