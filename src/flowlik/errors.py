@@ -2,7 +2,17 @@
 
 
 class FlowlikError(Exception):
-    """Base of all errors raised on purpose by flowlik."""
+    """Base of all errors raised on purpose by flowlik; its message is one line.
+
+    Parameters
+    ----------
+    message : str
+        What was found, where, and what was expected. A line break in it, as a file's name or content may
+        hold, becomes a backslash and an n.
+    """
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__("\\n".join(str(message).splitlines()))
 
 
 class DataError(FlowlikError):

@@ -239,6 +239,7 @@ WRONG = {
     KITTI + "P0: 1 0 0 0 0 1 0 0 0 0 1 0\n": "line 8: P0 stands there twice",
     transforms(camera_model="EQUIRECTANGULAR"): "camera_model EQUIRECTANGULAR is not known, known are OPENCV",
     transforms(camera_model="OPENCV", is_fisheye=True): "camera_model OPENCV with is_fisheye",
+    transforms(camera_model="A\nB"): r"camera_model A\\nB is not known",
     transforms(k4=0.1): "camera_model OPENCV with k4",
     transforms(camera_model="OPENCV_FISHEYE"): "camera_model OPENCV_FISHEYE with p1 and p2",
     transforms(fl_x=None): "no fl_x",

@@ -41,7 +41,7 @@ def read_data(folder: Path, options: Data, run: RunFolder, flow: FlowMethod) -> 
 
 
 def warn_of_doubts(run: RunFolder, sequence: ImageSequence, flow: FlowMethod) -> bool:
-    """Let a run warn of truth, or of flow on disk, that is not that of the images, and say if the truth is."""
+    """Let a run warn of truth, or flow on disk, that is not that of the images; tell if truth is not."""
     moves = motion_doubt(sequence)
     of_flow = flow_doubt(sequence, _on_disk(sequence, flow)) if isinstance(flow, FlowFiles) else None
     for doubt in filter(None, (moves, time_doubt(sequence), of_flow)):

@@ -54,4 +54,5 @@ def _pair(images: dict[str, Path], flow: Path) -> ImagePair:
         raise DataError(f"{flow}: three images ({names}), and nothing says which two it is between")
     if len(found) < 2 or f"{stem}img1" not in images:
         raise DataError(f"{flow}: its images {stem}img1.ppm and {stem}img2.ppm are not both there")
-    return ImagePair(*found, flow)
+    first, second = found
+    return ImagePair(first, second, flow)
