@@ -68,6 +68,37 @@ def test_poses_without_times_are_those_of_numbers_or_of_all_frames(tmp_path):
         with_truth(images, write_kitti(tmp_path / "k.txt", range(COUNT - 1), numbered=False))
 
 
+@pytest.mark.parametrize("first", [0, 100])
+def test_images_after_a_gap_keep_their_poses_and_times(tmp_path, first):
+    """Of eight images two were deleted: those after them are not those of the next rows."""
+    images, there = make_images(tmp_path, times=False), [0, 1, 3, 4, 6, 7]
+    for k in range(COUNT):
+        if k in there:
+            (images / f"{k}.png").rename(images / f"{first + k:04d}.png")
+        else:
+            (images / f"{k}.png").unlink()
+    folder = open_sequence(images, frames_per_second=10)
+    assert [folder.timestamp(k) for k in range(6)] == pytest.approx([k / 10 for k in there])
+    missing = f"missing between {first + 1:04d}.png and {first + 3:04d}.png and at 1 other places"
+    assert missing in notes_of(folder)[0]
+
+    def poses(frames, name, numbered):
+        return with_truth(folder, write_kitti(tmp_path / name, frames, numbered))
+
+    for sequence in (poses(range(COUNT), "n.txt", True), poses(range(COUNT), "k.txt", False),
+                     poses(there, "t.txt", False)):  # fmt: skip
+        assert len(sequence) == 6
+        for k, n in enumerate(there):
+            np.testing.assert_array_equal(sequence.image(k), picture(n))
+            np.testing.assert_allclose(sequence.T_n_c(k).as_matrix(), pose(n).as_matrix(), atol=1e-8)
+    rows = np.loadtxt(tmp_path / "n.txt")
+    rows[:, 0] += first
+    np.savetxt(tmp_path / "n.txt", rows)
+    assert with_truth(folder, tmp_path / "n.txt").T_n_c(5).translation[2] == pytest.approx(7)
+    with pytest.raises(DataError, match="7 poses for the 6 images"):
+        poses(range(7), "7.txt", False)
+
+
 def test_times_that_are_none_or_others_are_refused(tmp_path):
     truth = write_tum(tmp_path / "t.txt", range(COUNT))
     images = make_images(tmp_path, times=False)

@@ -13,7 +13,7 @@ from flowlik.datasets._layouts import IMAGE_SUFFIXES
 from flowlik.datasets._numbering import Numbered
 from flowlik.datasets.base import NO_TIMES, frame_index
 from flowlik.datasets.intrinsics import CameraLike, GivenCamera, given_lens
-from flowlik.datasets.naming import in_order, last_number
+from flowlik.datasets.naming import counted, in_order, last_number, places
 from flowlik.errors import DataError
 from flowlik.geometry.times import read_times
 from flowlik.support.files import printable
@@ -24,7 +24,8 @@ class ImageFolder(GivenCamera, FrameFiles):
 
     They are taken in the order of their names, in which numbers count as numbers and fractions as fractions
     (`flowlik.datasets.naming`). Times are those of ``times.txt`` (one [s] a row) if there is one in the
-    folder: a row an image, or a row for every number in the images' names. Else they are frame / frame rate.
+    folder: a row an image, or a row for every number in the images' names. Else they are frame / frame rate,
+    and images that are missing by the numbers in their names are counted.
 
     Parameters
     ----------
@@ -42,6 +43,8 @@ class ImageFolder(GivenCamera, FrameFiles):
     ----------
     times_source : str
         ``times.txt``, or such as ``frame/10s``, or ``frame number``.
+    places, frame_numbers : int array (N,)
+        Place of each image from the first, missing ones counted, and the number in its name.
 
     Raises
     ------
@@ -70,6 +73,12 @@ class ImageFolder(GivenCamera, FrameFiles):
         self._times_s = _times(path, files, lenient) if path.is_file() else None
         rate = NO_TIMES if frames_per_second is None else f"frame/{self.frames_per_second:g}s"
         self.times_source = rate if self._times_s is None else "times.txt"
+        numbers, self.places = counted(files), places(files)
+        self.frame_numbers = self.places if numbers is None else numbers
+        if len(gaps := np.flatnonzero(np.diff(self.places) > 1)):
+            first, second = (files[gaps[0] + i].name for i in (0, 1))
+            others = f" and at {len(gaps) - 1} other places" if len(gaps) > 1 else ""
+            self.notes = (f"{folder}: images are missing between {first} and {second}{others}",)
 
     def timestamp(self, k: int) -> float:
         """Return the time [s] of frame k.
@@ -80,7 +89,11 @@ class ImageFolder(GivenCamera, FrameFiles):
             If there is no such frame.
         """
         k = frame_index(self, k)
-        return k / self.frames_per_second if self._times_s is None else float(self._times_s[k])
+        return (
+            float(self.places[k] / self.frames_per_second)
+            if self._times_s is None
+            else float(self._times_s[k])
+        )
 
 
 def image_files(folder: Path) -> list[Path]:
@@ -91,7 +104,7 @@ def image_files(folder: Path) -> list[Path]:
     DataError
         If two names differ in nothing that orders them.
     """
-    files = [path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES and path.is_file()]
+    files = [path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES and not path.is_dir()]
     return in_order(path for path in files if not path.name.startswith("."))
 
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from flowlik.errors import DataError
 
@@ -34,6 +37,33 @@ def in_order(files: Iterable[Path]) -> list[Path]:
         if a == b:
             raise DataError(f"{path}: in the order of names this is also {first}; keep one of them")
     return [path for _, _, path in keyed]
+
+
+def counted(files: Sequence[Path]) -> NDArray[np.int64] | None:
+    """Numbers (N,) by which files in order were counted in even steps, where some may be missing.
+
+    None if their names hold no such numbers: others, such as times, or one of more digits than 18.
+    """
+    found = [re.findall(r"[0-9]{1,18}", path.stem) for path in files]
+    if not found or len({len(row) for row in found}) != 1:
+        return None
+    for column in zip(*found, strict=True):
+        numbers = np.array([int(n) for n in column])
+        steps = np.diff(numbers)
+        if not steps.any():
+            continue
+        least = steps.min()
+        even = least > 0 and not (steps % least).any()
+        return numbers if even and (least == 1 or 2 * np.sum(steps != least) <= len(steps)) else None
+    return None
+
+
+def places(files: Sequence[Path]) -> NDArray[np.int64]:
+    """Place (N,) of each of some files in order, from 0: where numbers are missing, places are left free."""
+    numbers = counted(files)
+    if numbers is None:
+        return np.arange(len(files))
+    return np.asarray((numbers - numbers[0]) // np.diff(numbers).min())
 
 
 def last_number(path: Path) -> int | None:

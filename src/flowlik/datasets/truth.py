@@ -75,8 +75,9 @@ def with_truth(sequence: ImageSequence, path: Path, lenient: bool = False) -> Wi
     """Give a sequence the poses of a file; frames without a pose are left out.
 
     Poses with times are matched to the images' times, each to one, within 0.02 s. Poses without are those of
-    the frames of their numbers, or of all frames, of which there must be as many. EuRoC's poses of the body
-    become the left camera's by ``cam0/sensor.yaml`` beside their folder.
+    the images of their numbers, as in the images' names or counted from the first one, whichever more images
+    have; or of all images, of which there must be as many, or as many with those missing in between.
+    EuRoC's poses of the body become the left camera's by ``cam0/sensor.yaml`` beside their folder.
 
     Parameters
     ----------
@@ -119,12 +120,17 @@ def _matched(
             text = "images are of {}, poses of {}".format(*spans)
             raise DataError(f"{path}: no pose within {TOLERANCE_S} s of an image of {sequence.name}: {text}")
         return frames, found[frames]
+    every = np.arange(count)
+    places = getattr(sequence, "places", every)
     if table.frames is not None:
-        frames, rows = np.intersect1d(np.arange(count), table.frames, return_indices=True)[::2]
-        return frames, rows
-    if len(table) != count:
+        by_number, by_place = (
+            np.intersect1d(numbers, table.frames, return_indices=True)[1:]
+            for numbers in (getattr(sequence, "frame_numbers", places), places)
+        )
+        return by_number if len(by_number[0]) >= len(by_place[0]) else by_place
+    if len(table) not in (count, places[-1] + 1):
         raise DataError(f"{path}: {len(table)} poses for the {count} images of {sequence.name}")
-    return np.arange(count), np.arange(count)
+    return every, every if len(table) == count else places
 
 
 def _of_camera(table: PoseTable, path: Path) -> PoseTable:

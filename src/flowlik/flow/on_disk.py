@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from flowlik.datasets import Lens
 from flowlik.datasets.flow_files import HDF5, SUFFIXES, read_flow
 from flowlik.datasets.flow_png import check_coding
-from flowlik.datasets.naming import in_order
+from flowlik.datasets.naming import in_order, places
 from flowlik.datasets.undistorted import removed_lens
 from flowlik.errors import DataError, ModelError
 from flowlik.flow.base import NOT_RECORDED, DenseFlow, FlowMethod, FlowOfPairs, Image, as_dense, check_pair
@@ -163,18 +162,9 @@ def _check_gaps(files: list[Path]) -> None:
     Raises
     ------
     DataError
-        If numbers advance by one step at least half of the time, and somewhere by several.
+        If numbers advance in even steps, and somewhere by several (`flowlik.datasets.naming.places`).
     """
-    numbers = [[int(n) for n in re.findall(r"\d+", path.stem)] for path in files]
-    if len({len(row) for row in numbers}) != 1:
-        return
-    for column in zip(*numbers):
-        steps = [b - a for a, b in pairwise(column)]
-        if not any(steps):
-            continue
-        step = min(steps)
-        gaps = [i for i, s in enumerate(steps) if s != step]
-        if gaps and step > 0 and 2 * len(gaps) <= len(steps) and all(s % step == 0 for s in steps):
-            first, second = files[gaps[0]].name, files[gaps[0] + 1].name
-            raise DataError(f"{files[0].parent}: flow files are missing between {first} and {second}")
-        return
+    gaps = np.flatnonzero(np.diff(places(files)) > 1)
+    if len(gaps):
+        first, second = (files[gaps[0] + i].name for i in (0, 1))
+        raise DataError(f"{files[0].parent}: flow files are missing between {first} and {second}")
