@@ -13,7 +13,8 @@ from tests.cli.call import call, succeed
 @pytest.mark.parametrize("name", shipped())
 def test_every_shipped_model_is_whole(name):
     model = load_likelihood(name)
-    method = name.removesuffix("-lcm")
+    method = name.removesuffix("-lcm").removesuffix("-epipolar")
+    assert model.residual == ("epipolar" if name.endswith("-epipolar") else "depth")
     if name.endswith("-lcm"):  # on the paper's flow
         method = f"{method}-opencv" if f"{method}-opencv" in PRESETS else method
     assert model.method == describe(PRESETS[method])

@@ -35,7 +35,8 @@ def run(
     if name is None:
         table = Table("name", "family", "schedule", "coverage 90 %", "K-S median", "components", box=None)
         for m in found:
-            cells = [f"{m.goodness.get(key, float('nan')):.3f}" for key in ("coverage_90", "ks_median")]
+            told = [m.goodness.get(key) for key in ("coverage_90", "ks_median")]
+            cells = ["–" if value is None else f"{value:.3f}" for value in told]
             table.add_row(m.name, m.family, m.schedule, *cells, f"{m.provenance.get('components', 0):,}")
         console.print(table)
         console.print("Goodness is on the calibration data itself; `flowlik models NAME` shows one whole.")

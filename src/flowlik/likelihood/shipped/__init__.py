@@ -1,7 +1,8 @@
 """Calibrated likelihoods that ship with flowlik: each a model file with its provenance.
 
 ``NAME.json`` is the best (a learned index), ``NAME-lcm.json`` the paper's Laplace-Cauchy mixture over
-texture; NAME is that of a flow method. `benchmarks/ship_models.py` makes them.
+texture; NAME is that of a flow method. ``NAME-epipolar.json`` is of errors across epipolar lines alone.
+`benchmarks/ship_models.py` and `benchmarks/ship_epipolar.py` make them.
 """
 
 from __future__ import annotations
