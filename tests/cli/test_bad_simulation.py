@@ -30,6 +30,8 @@ POSE_FILES = {
         (("simulate", "planes", "--stereo-baseline", "0"), "baseline 0.0 m must be positive"),
         (("simulate", "planes", "--stereo-baseline", "40"), "outside the world"),
         (("simulate", "planes", "--traffic", "5"), "world 'planes' has no traffic, only 'driving' has"),
+        (("simulate", "planes", "--imu", "xsens"), "unknown IMU 'xsens': known are ideal, adis16448"),
+        (("simulate", "planes", "--spoof", "jump:onset_s=1,distance_m=3"), "spoofing is of a GPS, and there"),
     ],
     ids=lambda value: "-".join(value[1:]) if isinstance(value, tuple) else "",
 )

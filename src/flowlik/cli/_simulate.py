@@ -46,6 +46,24 @@ def run(
         float | None, typer.Option(help="Distance [m] of a second camera to the right.")
     ] = None,
     traffic: Annotated[int, typer.Option(min=0, help="Number of moving vehicles in driving.")] = 0,
+    imu: Annotated[
+        str | None,
+        typer.Option(
+            help="IMU beside the camera: adis16448, mpu6050 or ideal, with changes as in "
+            "adis16448:rate_hz=240,position_c_m=0.1/0/0.",
+        ),
+    ] = None,
+    gps: Annotated[
+        str | None,
+        typer.Option(help="GPS receiver: white, coloured or rtk, with changes as in white:outages_s=20/40."),
+    ] = None,
+    spoof: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Attack on the GPS: jump:onset_s=20,distance_m=30, ramp:onset_s=20,rate_mps=0.5 or "
+            "replay:onset_s=20,delay_s=5; may be given again.",
+        ),
+    ] = None,
     seed: Seed = 0,
     json: Json = False,
 ) -> None:
@@ -55,6 +73,8 @@ def run(
     or field of view are given. An interrupted run goes on where it stopped.
 
     Example: `flowlik simulate forest --trajectory forest-fig8 --frames 600 --out flight`
+
+    With IMU and GPS: `flowlik simulate forest --frames 1800 --imu adis16448 --gps white --out flight`
 
     Along real poses: `flowlik simulate driving --trajectory poses/00.txt --traffic 20 --out drive`
     """
@@ -73,6 +93,9 @@ def run(
         baseline_m=stereo_baseline,
         traffic=traffic,
         sensor=sensor,
+        imu=imu,
+        gps=gps,
+        spoof=tuple(spoof or ()),
     )
     folder = simulate(world, out, options, progress=terminal_progress)
     if json:

@@ -5,7 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 from flowlik.commands.options import SimulateOptions
-from flowlik.simulation import IDEAL_SENSOR, Sensor, write_sequence
+from flowlik.simulation import (
+    IDEAL_SENSOR,
+    InertialSensors,
+    Sensor,
+    check_inertial,
+    gps_model,
+    imu_model,
+    spoofing,
+    write_inertial,
+    write_sequence,
+)
 from flowlik.simulation import simulate as simulate_sequence
 from flowlik.support.progress import Progress, no_progress
 
@@ -17,7 +27,7 @@ def simulate(
     *,
     progress: Progress = no_progress,
 ) -> Path:
-    """Render a flight and write it in TartanAir V2's layout.
+    """Render a flight and write it in TartanAir V2's layout, with IMU and GPS beside it if asked for.
 
     Parameters
     ----------
@@ -40,6 +50,11 @@ def simulate(
     DataError
         If the options contradict one another, or the folder holds something else.
     """
+    sensors = InertialSensors(
+        None if options.imu is None else imu_model(options.imu),
+        None if options.gps is None else gps_model(options.gps),
+        tuple(spoofing(text) for text in options.spoof),
+    )
     sequence = simulate_sequence(
         world,
         options.trajectory,
@@ -53,4 +68,8 @@ def simulate(
         options.baseline_m,
         options.traffic,
     )
-    return write_sequence(sequence, out, lambda steps: progress(steps, f"frames of {world}", len(sequence)))
+    # before the long work, so that what cannot be is told at once
+    inertial = check_inertial(sequence.poses, sequence.times_s, sensors, options.seed, out)
+    write_sequence(sequence, out, lambda steps: progress(steps, f"frames of {world}", len(sequence)))
+    write_inertial(inertial, out)
+    return out

@@ -235,7 +235,7 @@ class KittiOptions(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class SimulateOptions(Options):
-    """Options of `flowlik.commands.simulate`; all but the last as in `flowlik.simulation.simulate`.
+    """Options of `flowlik.commands.simulate`; all but the last four as in `flowlik.simulation.simulate`.
 
     Attributes
     ----------
@@ -259,6 +259,12 @@ class SimulateOptions(Options):
         Number of moving vehicles.
     sensor : bool
         Whether the sensor blurs, adds noise and changes its exposure.
+    imu : str, optional
+        IMU beside the camera, as `flowlik.simulation.imu_model` takes it.
+    gps : str, optional
+        GPS receiver, as `flowlik.simulation.gps_model` takes it.
+    spoof : tuple of str
+        Attacks on it, each as `flowlik.simulation.spoofing` takes it.
     """
 
     trajectory: str = "straight"
@@ -271,3 +277,6 @@ class SimulateOptions(Options):
     baseline_m: float | None = None
     traffic: int = 0
     sensor: bool = True
+    imu: str | None = None
+    gps: str | None = None
+    spoof: tuple[str, ...] = ()

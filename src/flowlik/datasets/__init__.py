@@ -16,6 +16,8 @@ from flowlik.datasets._masked import masked
 from flowlik.datasets._resized import resized
 from flowlik.datasets.agreement import truth_doubts
 from flowlik.datasets.base import ImageSequence, frame_pairs, mask_of
+from flowlik.datasets.gps import GpsFixes, read_gps
+from flowlik.datasets.inertial import ImuNoise, ImuSamples, check_imu, read_euroc_imu, read_tartanair_imu
 from flowlik.datasets.selection import select_frames
 from flowlik.datasets.uncertainty_file import read_uncertainty
 from flowlik.errors import DataError
@@ -26,16 +28,23 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FORMATS",
+    "GpsFixes",
     "ImageSequence",
+    "ImuNoise",
+    "ImuSamples",
     "Lens",
+    "check_imu",
     "frame_pairs",
     "guess_format",
     "mask_of",
     "masked",
     "open_sequence",
     "read_camera",
+    "read_euroc_imu",
+    "read_gps",
     "read_grey",
     "read_mask",
+    "read_tartanair_imu",
     "read_uncertainty",
     "resized",
     "select_frames",

@@ -135,6 +135,16 @@ def camera_poses(ned: RigidTransform) -> RigidTransform:
     return _NED_CAMERA.inv() * ned * _NED_CAMERA
 
 
+def ned_vectors(vectors_c: Array) -> Array:
+    """Components (N, 3) in TartanAir's NED axes of vectors whose axes are x right, y down, z forward."""
+    return np.asarray(_NED_CAMERA.rotation.apply(vectors_c))
+
+
+def camera_vectors(vectors_ned: Array) -> Array:
+    """Components (N, 3), axes x right, y down, z forward, of vectors in TartanAir's NED axes."""
+    return np.asarray(_NED_CAMERA.rotation.inv().apply(vectors_ned))
+
+
 def _read_rows(path: Path | str, columns: int) -> PoseTable:
     layout = LAYOUTS[columns]
     rows, lines = read_table(path, columns, layout)

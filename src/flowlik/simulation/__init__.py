@@ -1,4 +1,4 @@
-"""The virtual environment: worlds, trajectories, a sensor, and sequences rendered from them."""
+"""The virtual environment: worlds, trajectories, sensors, and sequences rendered from them."""
 
 from flowlik.simulation.flight import (
     IDEAL_SENSOR,
@@ -13,20 +13,60 @@ from flowlik.simulation.flight import (
     simulate,
     write_sequence,
 )
+from flowlik.simulation.inertial import (
+    GPS_PRESETS,
+    GRAVITY_N_MPS2,
+    IMU_PRESETS,
+    CarryOff,
+    GpsModel,
+    ImuModel,
+    InertialSensors,
+    Jump,
+    Replay,
+    SimulatedGps,
+    SimulatedImu,
+    SmoothMotion,
+    check_inertial,
+    gps_model,
+    imu_model,
+    simulate_gps,
+    simulate_imu,
+    spoofing,
+    write_inertial,
+)
 from flowlik.simulation.worlds.planes import GridWorld, PlanesWorld
 
 __all__ = [
+    "GPS_PRESETS",
+    "GRAVITY_N_MPS2",
     "IDEAL_SENSOR",
+    "IMU_PRESETS",
     "PAPER_CAMERA",
     "TRAJECTORIES",
     "WORLDS",
+    "CarryOff",
     "Flight",
+    "GpsModel",
     "GridWorld",
+    "ImuModel",
+    "InertialSensors",
+    "Jump",
     "PlanesWorld",
+    "Replay",
     "Sensor",
+    "SimulatedGps",
+    "SimulatedImu",
     "SimulatedSequence",
+    "SmoothMotion",
     "camera_of",
+    "check_inertial",
+    "gps_model",
+    "imu_model",
     "lap_frames",
     "simulate",
+    "simulate_gps",
+    "simulate_imu",
+    "spoofing",
+    "write_inertial",
     "write_sequence",
 ]
