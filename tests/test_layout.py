@@ -8,7 +8,7 @@ import flowlik
 
 SOURCE = Path(flowlik.__file__).parent
 ROOMS = """errors support geometry results image datasets flow measurement likelihood calibration egomotion
-    odometry self_supervision evaluation comparison report simulation commands cli"""
+    odometry self_supervision fusion evaluation comparison report simulation commands cli"""
 WINGS = "_base _noise render things worlds flight inertial __init__"  # of the simulation, and its face
 MODULES = {".".join(path.relative_to(SOURCE).with_suffix("").parts): path for path in SOURCE.rglob("*.py")}
 
