@@ -56,7 +56,7 @@ def gtsam_factor(factor: FlowFactor, previous: int, current: int, T_b_c: RigidTr
 def _information(factor: FlowFactor) -> Array:
     """Information (6, 6) along the tangent (rotation vector [rad], translation [m]) of a left error."""
     if factor.form == "full":
-        return np.linalg.inv(factor.covariance)
+        return np.asarray(np.linalg.inv(factor.covariance))
     # the translation of exp(xi) T moves by v + w x t, of which by_rotation w is measured
     H = np.hstack([-(factor.by_rotation + skew(factor.T_k_prev.translation)), np.eye(3)])
     told = H.T @ np.linalg.solve(factor.covariance, H)
