@@ -190,9 +190,9 @@ def test_a_model_of_another_flow_method(flight, models, tmp_path, out):
         (("odometry", "FLIGHT", "--model", "MODEL", "--residual", "x"), "unknown residual 'x': known are"),
         (("odometry", "FLIGHT", "--model", "MODEL", "--format", "tum"), "format 'tum', known are kitti"),
         (("odometry", "FLIGHT", "--model", "MODEL", "--camera", "1,2,3"), "tartanair has its own camera"),
-        (("odometry", "FLIGHT", "--model", "MODEL", "--gate", "nan"), "--gate must be"),
-        (("odometry", "FLIGHT", "--model", "MODEL", "--gate", "-1"), "--gate must be"),
-        (("odometry", "FLIGHT", "--model", "MODEL", "--gate", "1e9"), "0 flow vectors, 3 needed"),
+        (("odometry", "FLIGHT", "--model", "MODEL", "--min-texture", "nan"), "--min-texture must be"),
+        (("odometry", "FLIGHT", "--model", "MODEL", "--min-texture", "-1"), "--min-texture must be"),
+        (("odometry", "FLIGHT", "--model", "MODEL", "--min-texture", "1e9"), "0 flow vectors, 3 needed"),
         (("flow", "FIRST", "SECOND", "--model", "MODEL", "--confidence", "1"), "confidence"),
         (("flow", "FIRST", "SECOND", "--model", "MODEL", "--confidence", "nan"), "confidence"),
         (("flow", "FIRST", "SECOND", "--model", "MODEL", "--truth", "x.txt"), "unknown flow format"),
@@ -286,7 +286,7 @@ def test_a_folder_without_a_run_has_no_report(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("option", "package", "extra"), [("--record", "rerun", "viz"), ("--bag", "rosbags", "ros")]
+    ("option", "package", "extra"), [("--save-rerun", "rerun", "viz"), ("--save-bag", "rosbags", "ros")]
 )
 def test_a_missing_extra_is_one_line_that_names_it(flight, out, monkeypatch, option, package, extra):
     def lacking(name):

@@ -21,6 +21,17 @@ def test_every_command_has_help_with_an_example(command):
     assert "Example" in text
     assert f"flowlik {command}" in text.partition("Example")[2]
     assert "--json" in text
+    assert "<bool>" not in text
+
+
+def test_options_stand_in_groups():
+    text = succeed("odometry", "--help").out
+    places = [
+        text.index(f"─ {group} ─") for group in ("Output", "Model", "Input", "Scale", "Camera", "Advanced")
+    ]
+    assert places == sorted(places)
+    plain = text[text.index("─ Options ─") : places[0]]
+    assert plain.count("--") == 1  # the help itself
 
 
 def test_help_loads_nothing_heavy():

@@ -44,7 +44,10 @@ OTHER = {
 }  # fmt: skip
 """A value of every option that is not its default. Who adds an option adds it here."""
 
-FLAGS = {"camera_height_m": "--camera-height", "frames_per_second": "--fps"}
+FLAGS = {
+    "camera_height_m": "--camera-height", "frames_per_second": "--fps", "gate": "--min-texture",
+    "bag": "--save-bag", "bag_unscaled": "--save-bag-unscaled", "record": "--save-rerun",
+}  # fmt: skip
 
 
 def words_of(options):

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from flowlik.cli import _complete as complete
 from flowlik.cli._options import (
     METHOD_HELP,
+    MODEL,
+    TRUTHLESS,
     Camera,
     Executor,
     FlowPng,
@@ -22,20 +24,27 @@ from flowlik.cli._options import (
     Scheduler,
     Seed,
     SkipBadFrames,
+    Verbose,
     Workers,
     command_line,
-    show_run,
 )
+from flowlik.cli._printing import show_run
 from flowlik.commands.options import CalibrateOptions, TruthlessOptions
 
 
 def run(
-    data: Annotated[list[Path], typer.Argument(help="Folders of sequences, with true flow unless told.")],
-    method: Annotated[str, typer.Option(help=METHOD_HELP, autocompletion=complete.one_of(complete.METHODS))],
+    data: Annotated[list[Path], typer.Argument(help="Folders of sequences, with or without true flow.")],
+    method: Annotated[
+        str,
+        typer.Option(
+            rich_help_panel=MODEL, help=METHOD_HELP, autocompletion=complete.one_of(complete.METHODS)
+        ),
+    ],
     out: Out,
     family: Annotated[
         str,
         typer.Option(
+            rich_help_panel=MODEL,
             help="Family of the model: glc, lcm (the paper's), log-logistic, gaussian, ...",
             autocompletion=complete.one_of(complete.FAMILIES),
         ),
@@ -43,6 +52,7 @@ def run(
     schedule: Annotated[
         str,
         typer.Option(
+            rich_help_panel=MODEL,
             help="What its parameters depend on: index (learned), texture (the paper's), flow, constant.",
             autocompletion=complete.one_of(complete.SCHEDULES),
         ),
@@ -59,11 +69,17 @@ def run(
     scheduler: Scheduler = None,
     keep_sketches: KeepSketches = False,
     without_truth: Annotated[
-        bool, typer.Option("--without-truth", help="Take errors against the sequences' own motions.")
+        bool,
+        typer.Option(
+            "--without-truth",
+            rich_help_panel=TRUTHLESS,
+            help="Take errors against the sequences' own motions.",
+        ),
     ] = False,
     residual: Annotated[
         str | None,
         typer.Option(
+            rich_help_panel=TRUTHLESS,
             help="Without truth: depth (both components) or epipolar; depth if the data has it.",
             autocompletion=complete.one_of(complete.RESIDUALS),
         ),
@@ -73,16 +89,28 @@ def run(
         typer.Option(
             "--model",
             "-m",
+            rich_help_panel=TRUTHLESS,
             help="Without truth: model to begin with, instead of the one that ships for the method.",
             autocompletion=complete.models,
         ),
     ] = TruthlessOptions.model,
     self_calibrate: Annotated[
-        bool, typer.Option("--self-calibrate", help="Without truth: refine the camera from its images first.")
+        bool,
+        typer.Option(
+            "--self-calibrate",
+            rich_help_panel=TRUTHLESS,
+            help="Without truth: refine the camera from its images first.",
+        ),
     ] = TruthlessOptions.self_calibrate,
     pairs: Annotated[
-        int, typer.Option(min=1, help="Without truth: image pairs, evenly spread over the data.")
+        int,
+        typer.Option(
+            min=1,
+            rich_help_panel=TRUTHLESS,
+            help="Without truth: image pairs, evenly spread over the data.",
+        ),
     ] = TruthlessOptions.pairs,
+    verbose: Verbose = False,
     json: Json = False,
 ) -> None:
     """Calibrate a flow method: a model file and evidence of how well it fits.
@@ -121,7 +149,7 @@ def run(
         run = calibrate_without_truth(
             data, method, out, truthless, command=command_line(), progress=terminal_progress
         )
-        show_run(run, json)
+        show_run(run, json, verbose)
         return
     options = CalibrateOptions(
         family=family,
@@ -139,19 +167,3 @@ def run(
         keep_sketches=keep_sketches,
     )
     run = calibrate(data, method, out, options, command=command_line(), progress=terminal_progress)
-    show_run(run, json)
-
-
-def _check_together(without_truth: bool, truthless: TruthlessOptions, with_truth: dict[str, Any]) -> None:
-    """Refuse options that the way asked for would ignore."""
-    from flowlik.errors import DataError
-
-    if without_truth:
-        ignored = [name for name, value in with_truth.items() if value != getattr(CalibrateOptions, name)]
-        why = "needs true flow: leave it out, or leave out --without-truth"
-    else:
-        names = ("residual", "model", "self_calibrate", "pairs")
-        ignored = [name for name in names if getattr(truthless, name) != getattr(TruthlessOptions, name)]
-        why = "says how to calibrate without truth: give --without-truth too"
-    if ignored:
-        raise DataError(f"--{ignored[0].replace('_', '-')} {why}")

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import typer
 
-from flowlik.cli._options import Json, console
+from flowlik.cli._options import (
+    Json,
+)
+from flowlik.cli._printing import console
 
 
 def run(json: Json = False) -> None:

@@ -8,7 +8,10 @@ from typing import Annotated
 import typer
 
 from flowlik.cli import _complete as complete
-from flowlik.cli._options import Json, show_records
+from flowlik.cli._options import (
+    Json,
+)
+from flowlik.cli._printing import show_records
 from flowlik.commands.options import DriftOptions
 
 

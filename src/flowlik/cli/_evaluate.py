@@ -21,10 +21,11 @@ from flowlik.cli._options import (
     Scheduler,
     Seed,
     SkipBadFrames,
+    Verbose,
     Workers,
     command_line,
-    show_run,
 )
+from flowlik.cli._printing import show_run
 from flowlik.commands.options import EvaluateOptions
 
 
@@ -44,6 +45,7 @@ def run(
     workers: Workers = None,
     scheduler: Scheduler = None,
     keep_sketches: KeepSketches = False,
+    verbose: Verbose = False,
     json: Json = False,
 ) -> None:
     """Check whether a model tells the truth on other data: log score, K-S over texture, coverage.
@@ -67,4 +69,6 @@ def run(
         scheduler=scheduler,
         keep_sketches=keep_sketches,
     )
-    show_run(evaluate(model, data, out, options, command=command_line(), progress=terminal_progress), json)
+    show_run(
+        evaluate(model, data, out, options, command=command_line(), progress=terminal_progress), json, verbose
+    )

@@ -9,6 +9,9 @@ import typer
 
 from flowlik.cli import _complete as complete
 from flowlik.cli._options import (
+    ADVANCED,
+    INPUT,
+    MODEL,
     Camera,
     FlowPng,
     Json,
@@ -16,10 +19,11 @@ from flowlik.cli._options import (
     Method,
     Out,
     Recording,
+    Verbose,
     View,
     command_line,
-    show_run,
 )
+from flowlik.cli._printing import show_run
 from flowlik.commands.options import FlowOptions
 
 
@@ -31,21 +35,26 @@ def run(
         typer.Option(
             "--model",
             "-m",
+            rich_help_panel=MODEL,
             help="A shipped model or a file; it names the flow.",
             autocompletion=complete.models,
         ),
     ],
     out: Out,
     truth: Annotated[
-        Path | None, typer.Option(help="True flow: .flo, .png (16 bit), .npy, .npz or .pfm.")
+        Path | None,
+        typer.Option(rich_help_panel=INPUT, help="True flow: .flo, .png (16 bit), .npy, .npz or .pfm."),
     ] = None,
     method: Method = None,
     flow_png: FlowPng = None,
-    confidence: Annotated[float, typer.Option(help="Confidence of the intervals.")] = FlowOptions.confidence,
+    confidence: Annotated[
+        float, typer.Option(rich_help_panel=ADVANCED, help="Confidence of the intervals.")
+    ] = FlowOptions.confidence,
     camera: Camera = None,
     mask: Mask = None,
     view: View = False,
     record: Recording = False,
+    verbose: Verbose = False,
     json: Json = False,
 ) -> None:
     """Draw where, and in which direction, the flow between two images can be trusted.
@@ -54,7 +63,7 @@ def run(
     --------
     `flowlik flow a.png b.png --model farneback --out picture`
 
-    `flowlik flow a.png b.png --model run/models/dis.json --camera camera.yaml --record --out picture`
+    `flowlik flow a.png b.png --model run/models/dis.json --camera camera.yaml --save-rerun --out picture`
     """
     from flowlik.commands import flow
 
@@ -68,4 +77,4 @@ def run(
         view=view,
         record=record,
     )
-    show_run(flow(previous, current, model, out, options, command=command_line()), json)
+    show_run(flow(previous, current, model, out, options, command=command_line()), json, verbose)

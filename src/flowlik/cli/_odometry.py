@@ -9,6 +9,12 @@ import typer
 
 from flowlik.cli import _complete as complete
 from flowlik.cli._options import (
+    ADVANCED,
+    CAMERA,
+    INPUT,
+    MODEL,
+    OUTPUT,
+    SCALE,
     Camera,
     DepthTopic,
     FlowPng,
@@ -24,10 +30,11 @@ from flowlik.cli._options import (
     Seed,
     SkipBadFrames,
     Topic,
+    Verbose,
     View,
     command_line,
-    show_run,
 )
+from flowlik.cli._printing import show_run
 from flowlik.commands.options import OdometryOptions
 
 
@@ -39,11 +46,16 @@ def run(
     flow_png: FlowPng = None,
     estimator: Annotated[
         str,
-        typer.Option(help="lcmsac, mle or ransac.", autocompletion=complete.one_of(complete.ESTIMATORS)),
+        typer.Option(
+            rich_help_panel=MODEL,
+            help="lcmsac, mle or ransac.",
+            autocompletion=complete.one_of(complete.ESTIMATORS),
+        ),
     ] = OdometryOptions.estimator,
     residual: Annotated[
         str | None,
         typer.Option(
+            rich_help_panel=MODEL,
             help="depth or epipolar; depth if the data has it.",
             autocompletion=complete.one_of(complete.RESIDUALS),
         ),
@@ -51,6 +63,7 @@ def run(
     scale: Annotated[
         str,
         typer.Option(
+            rich_help_panel=SCALE,
             help="Without depth: none, truth-norm, gps-norm, camera-height or stereo.",
             autocompletion=complete.one_of(complete.SCALES),
         ),
@@ -58,26 +71,51 @@ def run(
     camera_height_m: Annotated[
         float | None,
         typer.Option(
-            "--camera-height", help="Height of the camera over the road [m]: --scale camera-height needs it."
+            "--camera-height",
+            rich_help_panel=SCALE,
+            help="Height of the camera over the road [m]: --scale camera-height needs it.",
         ),
     ] = None,
     self_calibrate: Annotated[
-        bool, typer.Option("--self-calibrate", help="Refine the camera's intrinsics from the images.")
+        bool,
+        typer.Option(
+            "--self-calibrate", rich_help_panel=CAMERA, help="Refine the camera's intrinsics from the images."
+        ),
     ] = False,
     boresight: Annotated[
-        str, typer.Option(help="none, or causal: turn motions into the frame of the true poses.")
+        str,
+        typer.Option(
+            rich_help_panel=ADVANCED, help="none, or causal: turn motions into the frame of the true poses."
+        ),
     ] = OdometryOptions.boresight,
-    gate: Annotated[float | None, typer.Option(help="Texture gate [intensity²/px²].")] = None,
+    gate: Annotated[
+        float | None,
+        typer.Option(
+            "--min-texture",
+            rich_help_panel=ADVANCED,
+            help="Leave out components of less texture [intensity²/px²].",
+        ),
+    ] = None,
     truth: Annotated[
         Path | None,
-        typer.Option(help="File of true poses (TUM, KITTI, EuRoC's csv), instead of the data's own."),
+        typer.Option(
+            rich_help_panel=INPUT,
+            help="File of true poses (TUM, KITTI, EuRoC's csv), instead of the data's own.",
+        ),
     ] = None,
-    frames: Annotated[int | None, typer.Option(min=2, help="Only so many frames from the first.")] = None,
-    start: Annotated[int, typer.Option(min=0, help="First frame.")] = 0,
-    stride: Annotated[int, typer.Option(min=1, help="Only every so many-th frame.")] = OdometryOptions.stride,
+    frames: Annotated[
+        int | None, typer.Option(min=2, rich_help_panel=INPUT, help="Only so many frames from the first.")
+    ] = None,
+    start: Annotated[int, typer.Option(min=0, rich_help_panel=INPUT, help="First frame.")] = 0,
+    stride: Annotated[
+        int, typer.Option(min=1, rich_help_panel=INPUT, help="Only every so many-th frame.")
+    ] = OdometryOptions.stride,
     parallax: Annotated[
         float | None,
-        typer.Option(help="Leave frames out until the median flow since the last one exceeds this [px]."),
+        typer.Option(
+            rich_help_panel=INPUT,
+            help="Leave frames out until the median flow since the last one exceeds this [px].",
+        ),
     ] = None,
     skip_bad_frames: SkipBadFrames = False,
     format: Format = None,
@@ -88,17 +126,25 @@ def run(
     topic: Topic = None,
     depth_topic: DepthTopic = None,
     bag: Annotated[
-        bool, typer.Option("--bag", help="Also write nav_msgs/Odometry as a ROS 2 bag (extra `ros`).")
+        bool,
+        typer.Option(
+            "--save-bag",
+            rich_help_panel=OUTPUT,
+            help="Also write nav_msgs/Odometry as a ROS 2 bag (extra `ros`).",
+        ),
     ] = False,
     bag_unscaled: Annotated[
         bool,
         typer.Option(
-            "--bag-unscaled", help="With --bag, write positions though they have no scale: steps of length 1."
+            "--save-bag-unscaled",
+            rich_help_panel=OUTPUT,
+            help="With --save-bag, write positions though they have no scale: steps of length 1.",
         ),
     ] = False,
     view: View = False,
     record: Recording = False,
     seed: Seed = 0,
+    verbose: Verbose = False,
     json: Json = False,
 ) -> None:
     """Estimate the camera's trajectory, and its errors where the data set has poses.
@@ -109,7 +155,7 @@ def run(
 
     `flowlik odometry walk.mp4 --camera 900,640,360 --model lucas-kanade --out walk`
 
-    `flowlik odometry drive.mcap --topic /camera/image_raw --model lucas-kanade --bag --out drive`
+    `flowlik odometry drive.mcap --topic /camera/image_raw --model lucas-kanade --save-bag --out drive`
     """
     from flowlik.commands import odometry
     from flowlik.support.progress import terminal_progress
@@ -145,6 +191,6 @@ def run(
         seed=seed,
     )
     result = odometry(data, out, options, command=command_line(), progress=terminal_progress)
-    show_run(result, json)
+    show_run(result, json, verbose)
     if (result.config["residual"], scale) == ("epipolar", "none"):
         typer.echo("no scale: each motion counts 1, so lengths have no unit; see --scale", err=True)

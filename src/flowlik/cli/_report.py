@@ -7,7 +7,10 @@ from typing import Annotated
 
 import typer
 
-from flowlik.cli._options import Json, show_records
+from flowlik.cli._options import (
+    Json,
+)
+from flowlik.cli._printing import show_records
 
 
 def run(

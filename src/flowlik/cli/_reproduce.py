@@ -7,7 +7,15 @@ from typing import Annotated
 
 import typer
 
-from flowlik.cli._options import Json, Model, Out, command_line, show_run
+from flowlik.cli._options import (
+    INPUT,
+    Json,
+    Model,
+    Out,
+    Verbose,
+    command_line,
+)
+from flowlik.cli._printing import show_run
 
 
 def run(
@@ -20,10 +28,15 @@ def run(
     ] = 1.0,
     kitti: Annotated[
         Path | None,
-        typer.Option("--kitti", help="Root of KITTI odometry: the paper's Table III, with --model."),
+        typer.Option(
+            "--kitti",
+            rich_help_panel=INPUT,
+            help="Root of KITTI odometry: the paper's Table III, with --model.",
+        ),
     ] = None,
     model: Model = None,
     out: Out = Path("run"),
+    verbose: Verbose = False,
     json: Json = False,
 ) -> None:
     """Simulate, calibrate, check and fly, as in the paper, and write a report.
@@ -45,7 +58,11 @@ def run(
             )
         options = KittiOptions(frames=60 if quick else None)
         command = command_line()
-        show_run(kitti_table(kitti, model, out, options, command=command, progress=terminal_progress), json)
+        show_run(
+            kitti_table(kitti, model, out, options, command=command, progress=terminal_progress),
+            json,
+            verbose,
+        )
         return
     if quick == full:
         raise DataError("say which size: flowlik reproduce --quick, or --full")
@@ -57,4 +74,4 @@ def run(
         typer.echo(
             f"{plan.frames} frames are rendered once, to about {size:.0f} GB in {out / 'flights'}", err=True
         )
-    show_run(reproduce(out, plan, command=command_line(), progress=terminal_progress), json)
+    show_run(reproduce(out, plan, command=command_line(), progress=terminal_progress), json, verbose)

@@ -16,9 +16,11 @@ from flowlik.cli import (
     _reproduce,
     _simulate,
 )
+from flowlik.cli._help import Command, Group
 
 app = typer.Typer(
     name="flowlik",
+    cls=Group,
     help="Honest error distributions for optical flow: calibrate them, check them, use them.",
     epilog="Begin with `flowlik doctor`, then `flowlik flow a.png b.png --model farneback --out picture`. "
     "Complete options by the tab key: `flowlik --install-completion`.",
@@ -40,7 +42,7 @@ for module in (
     _report,
     _doctor,
 ):
-    app.command(name=module.__name__.rsplit("._", 1)[-1])(module.run)
+    app.command(name=module.__name__.rsplit("._", 1)[-1], cls=Command)(module.run)
 
 
 @app.callback(invoke_without_command=True)

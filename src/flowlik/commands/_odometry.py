@@ -80,9 +80,9 @@ def odometry(
     if options.boresight not in ("none", "causal"):
         raise DataError(f"unknown boresight {options.boresight!r}: known are none, causal")
     if options.bag:
-        extra("rosbags", "--bag")
+        extra("rosbags", "--save-bag")
     elif options.bag_unscaled:
-        raise DataError("--bag-unscaled says what --bag writes: give both")
+        raise DataError("--save-bag-unscaled says what --save-bag writes: give both")
     sequence, skipped = _opened(data, options, flow, progress)
     kind = _residual_kind(sequence, options.residual)
     options = replace(options, residual=kind)
@@ -182,7 +182,7 @@ def _choose(options: OdometryOptions) -> tuple[FlowMethod, Estimator]:
     if estimator not in ESTIMATORS:
         raise DataError(f"unknown estimator {estimator!r}: known are {', '.join(ESTIMATORS)}")
     if gate is not None and not 0 <= gate < np.inf:
-        raise DataError(f"--gate must be a texture of at least 0, not {gate}")
+        raise DataError(f"--min-texture must be a texture of at least 0, not {gate}")
     if options.model is None:
         if estimator != "ransac":
             raise DataError(

@@ -231,7 +231,7 @@ def bag_notes(motions: Sequence[EgoMotion], unscaled: bool = False) -> list[str]
     if not _has_scale(motions) and not unscaled:
         notes.append(
             f"odometry_bag: no scale, so that only turns are told and positions are unknown ({unknown}); "
-            "--scale gives one, --bag-unscaled writes steps of length 1"
+            "--scale gives one, --save-bag-unscaled writes steps of length 1"
         )
     elif not _has_scale(motions):
         notes.append("odometry_bag: no scale, so that positions are in steps of length 1, not in metres")
