@@ -1,8 +1,10 @@
 """What documentation and README show is run, or at least understood, as it stands."""
 
+import json
 import pkgutil
 import re
 import shlex
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +12,17 @@ import pytest
 import typer
 
 import flowlik
+from flowlik.cli._models import row_of
 from flowlik.cli.app import app
+from flowlik.commands import models, summary
 from flowlik.datasets import open_sequence
 from flowlik.report._figures import FIGURES
 from tests.cli.call import succeed
 from tests.test_layout import ROOMS
 
 ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "benchmarks"))
+held_out = pytest.importorskip("held_out", reason="the benchmarks are not beside the tests")
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
@@ -66,11 +72,44 @@ def test_the_readmes_program_works(flight):
         "previous": previous, "current": current,
     }  # fmt: skip
     (program,) = blocks(ROOT / "README.md", "python")
-    before, _, after = program.partition("# C: ")
+    before, mark, after = program.partition("x, z = ")
     exec(compile(before, "README.md", "exec"), given)
-    given["predicted_flow"] = np.zeros_like(given["measurements"].flow)
-    exec(compile("# C: " + after, "README.md", "exec"), given)
-    assert given["motion"].T_k_prev is not None
+    given["predicted_flow"] = np.zeros_like(given["m"].flow)
+    exec(compile(mark + after, "README.md", "exec"), given)
+    assert given["motion"].T_k_prev is not None and given["covariance"].shape[1:] == (2, 2)
+
+
+def test_the_readme_is_short():
+    assert len((ROOT / "README.md").read_text().split()) <= 700
+
+
+def test_the_page_on_models_says_what_the_command_says():
+    rows = re.findall(
+        r"^\| `([\w-]+)` \| (.+?) \|$", (ROOT / "docs/which-model.md").read_text(), re.MULTILINE
+    )
+    page = {name: tuple(cells.split(" | ")[:5]) for name, cells in rows}
+    assert page == {row[0]: row[1:] for row in map(row_of, models())}
+    printed = succeed("models").out
+    for cells in page.values():
+        assert cells[1] in printed
+
+
+def test_what_models_hold_unseen_is_what_the_page_on_calibration_has():
+    """After that page has new tables: `python benchmarks/held_out.py`."""
+    found = held_out.held_out((ROOT / "docs/calibration.md").read_text())
+    assert len(found) == 8
+    content = json.loads(held_out.FILE.read_text())["models"]
+    assert found == {name: content[name]["coverage_90"] for name in found}
+
+
+def test_figures_of_an_earlier_model_are_not_shown_as_this_ones(tmp_path, monkeypatch):
+    path = tmp_path / "lucas-kanade.json"
+    content = json.loads((ROOT / "src/flowlik/likelihood/shipped/lucas-kanade.json").read_text())
+    for more, shown in ((0.0, True), (0.1, False)):
+        content["index"]["offset"] += more
+        path.write_text(json.dumps(content))
+        monkeypatch.setattr("flowlik.commands._models.shipped", lambda: {"lucas-kanade": path})
+        assert bool(summary(path).held_out) is shown
 
 
 def test_every_figure_is_explained():

@@ -55,7 +55,7 @@ def test_the_likeliest_state_is_as_far_off_as_it_says(page):
         error = np.einsum("nij,nj->ni", m.R_i_e, model.sample(model.coordinate(m), rng))
         m = m.__class__(m.pixels, error, m.R_i_e, m.t, m.texture, m.method)  # the true shift is 0
         page["m"] = m
-        state, P = page["likeliest"](model, m, np.zeros(2), 100 * np.eye(2), page["one_shift"])
+        state, P = page["likeliest"](model, m, np.zeros(2), 100 * np.eye(2), page["one_shift"], 12)
         nees.append(state @ np.linalg.solve(P, state))
         weights = np.linalg.inv(model.covariance(m))
         gaussian = np.linalg.solve(weights.sum(axis=0), np.einsum("nij,nj->i", weights, m.flow))

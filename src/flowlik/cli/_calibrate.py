@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -167,3 +167,19 @@ def run(
         keep_sketches=keep_sketches,
     )
     run = calibrate(data, method, out, options, command=command_line(), progress=terminal_progress)
+    show_run(run, json, verbose)
+
+
+def _check_together(without_truth: bool, truthless: TruthlessOptions, with_truth: dict[str, Any]) -> None:
+    """Refuse options that the way asked for would ignore."""
+    from flowlik.errors import DataError
+
+    if without_truth:
+        ignored = [name for name, value in with_truth.items() if value != getattr(CalibrateOptions, name)]
+        why = "needs true flow: leave it out, or leave out --without-truth"
+    else:
+        names = ("residual", "model", "self_calibrate", "pairs")
+        ignored = [name for name in names if getattr(truthless, name) != getattr(TruthlessOptions, name)]
+        why = "says how to calibrate without truth: give --without-truth too"
+    if ignored:
+        raise DataError(f"--{ignored[0].replace('_', '-')} {why}")

@@ -2,11 +2,31 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from flowlik.cli._options import Json
+from flowlik.cli._printing import console
+
+if TYPE_CHECKING:
+    from flowlik.commands import ModelSummary
+
+
+def row_of(model: ModelSummary) -> tuple[str, ...]:
+    """One row of the list, as the page *Which model?* has it too."""
+    from flowlik.report.names import model_name
+
+    low, high = model.held_out.get("coverage_90", (None, None))
+    speed = model.held_out.get("frames_per_second")
+    return (
+        model.name,
+        model_name(model.family, model.schedule),
+        "–" if low is None else f"{100 * low:.0f} to {100 * high:.0f} %",
+        "–" if speed is None else f"{speed:.0f}",
+        "yes" if "discrepancy" in model.signals else "no",
+        model.residual,
+    )
 
 
 def run(
@@ -22,7 +42,6 @@ def run(
     import json as json_module
     from dataclasses import asdict
 
-    from rich.console import Console
     from rich.table import Table
 
     from flowlik.commands import models, summary
@@ -31,15 +50,18 @@ def run(
     if json:
         typer.echo(json_module.dumps([asdict(m) for m in found], indent=1, ensure_ascii=False, default=str))
         return
-    console = Console(soft_wrap=True)
+    wide = console()
     if name is None:
-        table = Table("name", "family", "schedule", "coverage 90 %", "K-S median", "components", box=None)
+        heads = ("name", "error model", "90 % hold, unseen", "frames/s", "flow back", "residual")
+        table = Table(*heads, box=None)
         for m in found:
-            told = [m.goodness.get(key) for key in ("coverage_90", "ks_median")]
-            cells = ["–" if value is None else f"{value:.3f}" for value in told]
-            table.add_row(m.name, m.family, m.schedule, *cells, f"{m.provenance.get('components', 0):,}")
-        console.print(table)
-        console.print("Goodness is on the calibration data itself; `flowlik models NAME` shows one whole.")
+            table.add_row(*row_of(m))
+        wide.print(table)
+        wide.print(
+            "90 % hold, unseen: what the 90 % intervals hold on nine pairs and clips of others. frames/s: "
+            "640x360, two cores, images to motions. flow back: measured too. Which to take: "
+            "docs/which-model.md. `flowlik models NAME` shows one whole."
+        )
         return
     for key, value in asdict(found[0]).items():
         text = (
@@ -47,4 +69,4 @@ def run(
             if isinstance(value, str | int)
             else json_module.dumps(value, ensure_ascii=False, default=str)
         )
-        console.print(f"[bold]{key}[/bold]  {text}", highlight=False, markup=True)
+        wide.print(f"[bold]{key}[/bold]  {text}", highlight=False, markup=True)

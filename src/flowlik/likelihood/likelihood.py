@@ -179,9 +179,8 @@ class FlowLikelihood:
         """
         x = self.coordinate(measurements)
         half_axes = self._ellipse_factor(x, level)[:, None] * self.bound(x, level)
-        variances = half_axes**2 / (
-            -2.0 * np.log1p(-level)
-        )  # of a Gaussian whose ellipse has these half-axes
+        # of a Gaussian whose ellipse has these half-axes
+        variances = half_axes**2 / (-2.0 * np.log1p(-level))
         R_i_e = measurements.R_i_e
         return np.asarray(np.einsum("nij,nj,nkj->nik", R_i_e, variances, R_i_e))
 
