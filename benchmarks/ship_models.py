@@ -1,97 +1,65 @@
 """Calibrate the models that ship with flowlik and write them to `src/flowlik/likelihood/shipped`.
 
-    python benchmarks/ship_models.py --cache CACHE --kitti-poses KITTI_POSES [--methods lucas-kanade ...]
+    python benchmarks/ship_models.py --cache CACHE --kitti-poses KITTI_POSES --runs RUNS [--methods dis ...]
 
-Flights are rendered once into CACHE (about half an hour on two cores). The `driving` world runs along true
-poses of KITTI odometry, of which nothing but the shape of the route enters.
+Each is a run of `flowlik calibrate --standard` in RUNS, with its report. Flights are rendered once into
+CACHE (more than an hour on two cores). The `driving` world runs along true poses of KITTI odometry, of which
+nothing but the shape of the route enters.
 """
 
 from __future__ import annotations
 
 import argparse
-import time
-from dataclasses import replace
+import shutil
 from pathlib import Path
 
-from calibration_plan import CALIBRATION
-from flights import errors_of, rendered
-from flowlik.calibration import (
-    FLOW_INDEX,
-    ErrorSketch,
-    Task,
-    fit_likelihood,
-    index_form,
-    measured_pairs,
-    merge_all,
-    schedule_index,
-    with_shared_errors,
-)
-from flowlik.calibration.shared_errors import Pairs
-from flowlik.evaluation.likelihood import Counting, coverage, kolmogorov_smirnov, negative_log_likelihood
-from flowlik.flow import flow_method
+from flowlik.calibration import measured_pairs, with_shared_errors
+from flowlik.commands import calibrate
+from flowlik.commands.options import CalibrateOptions
+from flowlik.commands.standard_flights import DENSE_PIXELS, rendered
+from flowlik.commands.standard_plan import CALIBRATION
+from flowlik.flow import describe, flow_method, method_label
 from flowlik.image.texture import TextureDefinition
-from flowlik.likelihood.families import error_family
-from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.model_file import load_likelihood, save_likelihood
-from flowlik.likelihood.schedule import Index
+from flowlik.support.progress import terminal_progress
 
-DENSE_PIXELS = 20_000
 PAPER = {"lucas-kanade": "lucas-kanade-opencv", "lucas-kanade-11": "lucas-kanade-11-opencv"}
 """Methods whose texture models are of the paper's solver."""
 
 METHODS = ("lucas-kanade", "lucas-kanade-11", "farneback", "dis", "horn-schunck")
 MODELS = Path(__file__).resolve().parents[1] / "src" / "flowlik" / "likelihood" / "shipped"
 
-
-def measured(method: str, cache: Path, kitti_poses: Path | None) -> list[list[list[ErrorSketch]]]:
-    """Sketches of every calibration flight: over texture, and over the flow's magnitude."""
-    flow = flow_method(method)
-    task = Task(flow, (Index(), FLOW_INDEX), index_form(flow).covariates, pixels=DENSE_PIXELS)
-    return [errors_of(flight, task, cache, kitti_poses) for flight in CALIBRATION]
+__all__ = ["DENSE_PIXELS", "METHODS"]
 
 
-def with_goodness(likelihood: FlowLikelihood, blocks: list[ErrorSketch]) -> FlowLikelihood:
-    """Likelihood whose file tells how well it fits its own calibration data."""
-    merged = merge_all(blocks)
-    ks = kolmogorov_smirnov(merged, likelihood, Counting(10_000))
-    figures = {
-        "nll": negative_log_likelihood(merged, likelihood),
-        "ks_median": ks.median,
-        "ks_max": ks.maximum,
-        "coverage_90": coverage(merged, likelihood, 0.9),
-    }
-    return replace(likelihood, goodness={**likelihood.goodness, **figures})
+def models_of(method: str) -> tuple[tuple[str, str, str, str], ...]:
+    """Name, flow method, family and schedule of the two models of a method."""
+    return (method, method, "glc", "index"), (f"{method}-lcm", PAPER.get(method, method), "lcm", "texture")
 
 
-def shared(method: str, signals: tuple[str, ...], cache: Path, kitti_poses: Path | None) -> Pairs:
-    """What errors share, on all calibration flights."""
-    blocks = [
-        block for flight in CALIBRATION for block in rendered(flight, cache, kitti_poses).blocks(flight.seed)
-    ]
-    return measured_pairs(blocks, flow_method(method), TextureDefinition(), signals)
+def ship(name: str, flow: str, family: str, schedule: str, options: argparse.Namespace) -> None:
+    """Calibrate one model and copy it to where it ships from."""
+    run = calibrate(
+        [], flow, options.runs / name,
+        CalibrateOptions(
+            family=family, schedule=schedule, standard=True, cache=options.cache,
+            kitti_poses=options.kitti_poses,
+        ),
+        command="python benchmarks/ship_models.py", progress=terminal_progress,
+    )  # fmt: skip
+    label = method_label(describe(flow_method(flow)))
+    shutil.copyfile(run.path / "models" / f"{label}.json", options.out / f"{name}.json")
+    print(options.out / f"{name}.json", flush=True)
 
 
-def ship(method: str, cache: Path, kitti_poses: Path | None, out: Path) -> None:
-    """Calibrate and write the two models of a method."""
-    start = time.perf_counter()
-    provenance = {
-        "data": ", ".join(flight.name for flight in CALIBRATION),
-        "command": "python benchmarks/ship_models.py",
-        "sensor": "default",
-    }
-    for name, measures, family in (
-        (method, method, "glc"), (f"{method}-lcm", PAPER.get(method, method), "lcm"),
-    ):  # fmt: skip
-        flow, flights = flow_method(measures), measured(measures, cache, kitti_poses)
-        blocks = [block for flight in flights for block in flight[0]]
-        index = Index()
-        if family == "glc":
-            index = schedule_index("index", [flight[0] for flight in flights], index_form(flow))
-            blocks = [block.over(index) for block in blocks]
-        model = fit_likelihood(blocks, error_family(family), flow, provenance=provenance)
-        model = with_shared_errors(model, shared(measures, index.signals, cache, kitti_poses))
-        save_likelihood(with_goodness(model, blocks), out / f"{name}.json")
-        print(name, model.goodness["fit"], f"{time.perf_counter() - start:.0f} s", flush=True)
+def share_anew(name: str, flow: str, options: argparse.Namespace) -> None:
+    """Measure only what errors share anew."""
+    model = load_likelihood(options.out / f"{name}.json")
+    flights = [(flight, rendered(flight, options.cache, options.kitti_poses)) for flight in CALIBRATION]
+    blocks = [block for flight, runs in flights for block in runs.blocks(flight.seed)]
+    found = measured_pairs(blocks, flow_method(flow), TextureDefinition(), model.signals)
+    save_likelihood(with_shared_errors(model, found), options.out / f"{name}.json")
+    print(name, flush=True)
 
 
 def main() -> None:
@@ -100,20 +68,17 @@ def main() -> None:
     )
     parser.add_argument("--cache", type=Path, required=True)
     parser.add_argument("--kitti-poses", type=Path)
+    parser.add_argument("--runs", type=Path, default=Path("ship"), help="folder of the calibrations' runs")
     parser.add_argument("--methods", nargs="+", choices=METHODS, default=METHODS)
     parser.add_argument("--out", type=Path, default=MODELS)
     parser.add_argument("--shared", action="store_true", help="measure only what errors share anew")
     options = parser.parse_args()
     for method in options.methods:
-        if options.shared:
-            for name, measures in ((method, method), (f"{method}-lcm", PAPER.get(method, method))):
-                model = load_likelihood(options.out / f"{name}.json")
-                pairs = shared(measures, model.signals, options.cache, options.kitti_poses)
-                found = with_shared_errors(model, pairs)
-                save_likelihood(found, options.out / f"{name}.json")
-                print(name, found.shared_errors, flush=True)
-            continue
-        ship(method, options.cache, options.kitti_poses, options.out)
+        for name, flow, family, schedule in models_of(method):
+            if options.shared:
+                share_anew(name, flow, options)
+            else:
+                ship(name, flow, family, schedule, options)
 
 
 if __name__ == "__main__":

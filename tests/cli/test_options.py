@@ -12,6 +12,7 @@ import pytest
 
 from flowlik import cli
 from flowlik.commands import _calibrate
+from flowlik.commands._shared_options import StandardFlights
 from flowlik.commands.options import CalibrateOptions, EvaluateOptions, FlowOptions, OdometryOptions
 from flowlik.datasets import open_sequence
 from flowlik.report.viewer import _NoViewer
@@ -109,8 +110,13 @@ def told(flight, tmp_path_factory):
     return {command: run(command) for command in OPTIONS}
 
 
+STANDARD = {"standard", *(f.name for f in fields(StandardFlights))}
+"""Options of a calibration without data, which tests/cli/test_standard.py has."""
+
+
 @pytest.mark.parametrize(
-    ("command", "name"), [(command, f.name) for command, kind in OPTIONS.items() for f in fields(kind)]
+    ("command", "name"),
+    [(c, f.name) for c, kind in OPTIONS.items() for f in fields(kind) if f.name not in STANDARD],
 )
 def test_an_option_is_recorded(told, command, name):
     config, heard = told[command]

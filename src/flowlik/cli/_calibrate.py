@@ -11,6 +11,7 @@ from flowlik.cli import _complete as complete
 from flowlik.cli._options import (
     METHOD_HELP,
     MODEL,
+    STANDARD,
     TRUTHLESS,
     Camera,
     Executor,
@@ -33,7 +34,6 @@ from flowlik.commands.options import CalibrateOptions, TruthlessOptions
 
 
 def run(
-    data: Annotated[list[Path], typer.Argument(help="Folders of sequences, with or without true flow.")],
     method: Annotated[
         str,
         typer.Option(
@@ -41,6 +41,10 @@ def run(
         ),
     ],
     out: Out,
+    data: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Folders of sequences, with or without true flow; none with --standard."),
+    ] = None,
     family: Annotated[
         str,
         typer.Option(
@@ -57,6 +61,36 @@ def run(
             autocompletion=complete.one_of(complete.SCHEDULES),
         ),
     ] = CalibrateOptions.schedule,
+    standard: Annotated[
+        bool,
+        typer.Option(
+            "--standard",
+            rich_help_panel=STANDARD,
+            help="Calibrate on the standard flights, as shipped models were.",
+        ),
+    ] = CalibrateOptions.standard,
+    share: Annotated[
+        float,
+        typer.Option(
+            "--share", rich_help_panel=STANDARD, help="Share of each standard flight, above 0 and up to 1."
+        ),
+    ] = CalibrateOptions.share,
+    cache: Annotated[
+        Path | None,
+        typer.Option(
+            "--cache",
+            rich_help_panel=STANDARD,
+            help="Folder of the standard flights, rendered once (default: your cache).",
+        ),
+    ] = None,
+    kitti_poses: Annotated[
+        Path | None,
+        typer.Option(
+            "--kitti-poses",
+            rich_help_panel=STANDARD,
+            help="Folder of KITTI's poses: routes of standard flights on roads.",
+        ),
+    ] = None,
     flow_png: FlowPng = None,
     format: Format = None,
     camera: Camera = None,
@@ -115,12 +149,15 @@ def run(
 ) -> None:
     """Calibrate a flow method: a model file and evidence of how well it fits.
 
-    Without true flow a sequence's own motions tell, once they are estimated: `--without-truth`.
+    Without true flow a sequence's own motions tell, once they are estimated: `--without-truth`. Without data,
+    the standard flights: `--standard`.
 
     Examples: `flowlik calibrate data --method lucas-kanade --out calibration`,
+    `flowlik calibrate --standard --method onnx:net.onnx --share 0.2 --out calibration`,
     `flowlik calibrate drive --without-truth --method lucas-kanade-11 --out own`
     """
     from flowlik.commands import calibrate, calibrate_without_truth
+    from flowlik.commands.standard_flights import rendering_cost
     from flowlik.support.progress import terminal_progress
 
     truthless = TruthlessOptions(
@@ -138,22 +175,30 @@ def run(
         skip_bad_frames=skip_bad_frames,
     )
     with_truth = {
+        "standard": standard,
+        "share": share,
+        "cache": cache,
+        "kitti_poses": kitti_poses,
         "schedule": schedule,
         "executor": executor,
         "workers": workers,
         "scheduler": scheduler,
         "keep_sketches": keep_sketches,
     }
-    _check_together(without_truth, truthless, with_truth)
+    _check_together(data, without_truth, truthless, with_truth)
     if without_truth:
         run = calibrate_without_truth(
-            data, method, out, truthless, command=command_line(), progress=terminal_progress
+            data or [], method, out, truthless, command=command_line(), progress=terminal_progress
         )
         show_run(run, json, verbose)
         return
     options = CalibrateOptions(
         family=family,
         schedule=schedule,
+        standard=standard,
+        share=share,
+        cache=cache,
+        kitti_poses=kitti_poses,
         flow_png=flow_png,
         format=format,
         camera=camera,
@@ -166,14 +211,20 @@ def run(
         scheduler=scheduler,
         keep_sketches=keep_sketches,
     )
-    run = calibrate(data, method, out, options, command=command_line(), progress=terminal_progress)
+    if cost := rendering_cost(data or [], options):
+        typer.echo(cost, err=True)
+    run = calibrate(data or [], method, out, options, command=command_line(), progress=terminal_progress)
     show_run(run, json, verbose)
 
 
-def _check_together(without_truth: bool, truthless: TruthlessOptions, with_truth: dict[str, Any]) -> None:
-    """Refuse options that the way asked for would ignore."""
+def _check_together(
+    data: list[Path] | None, without_truth: bool, truthless: TruthlessOptions, with_truth: dict[str, Any]
+) -> None:
+    """Refuse options that the way asked for would ignore, and no data where there must be some."""
     from flowlik.errors import DataError
 
+    if without_truth and not data:
+        raise DataError("--without-truth needs folders of data")
     if without_truth:
         ignored = [name for name, value in with_truth.items() if value != getattr(CalibrateOptions, name)]
         why = "needs true flow: leave it out, or leave out --without-truth"

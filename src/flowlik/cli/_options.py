@@ -13,6 +13,7 @@ from flowlik.cli import _complete as complete
 
 INPUT, CAMERA, MODEL, SCALE, OUTPUT, ADVANCED = "Input", "Camera", "Model", "Scale", "Output", "Advanced"
 TRUTHLESS = "Without true flow"
+STANDARD = "On the standard flights"
 """Groups of options in the help."""
 
 Out = Annotated[

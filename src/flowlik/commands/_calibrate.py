@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from flowlik.calibration import (
     BOOTSTRAP_BLOCKS,
     FLOW_INDEX,
+    Block,
     ErrorSketch,
     Task,
     bootstrap,
@@ -27,21 +27,12 @@ from flowlik.calibration import (
     with_shared_errors,
 )
 from flowlik.calibration.shared_errors import Pairs
+from flowlik.commands._evidence import add_evidence, with_goodness
 from flowlik.commands._reading import read_data
 from flowlik.commands._sketching import sketch_for_run
 from flowlik.commands.options import CalibrateOptions
-from flowlik.datasets.base import ImageSequence
-from flowlik.evaluation.likelihood import (
-    Counting,
-    bias_records,
-    blocks_over,
-    figures,
-    little_data_warning,
-    model_records,
-    outside_range,
-    outside_warning,
-    table_arrays,
-)
+from flowlik.commands.standard_flights import DENSE_PIXELS, Flown, check_options, standard_flights
+from flowlik.evaluation.likelihood import little_data_warning, table_arrays
 from flowlik.flow import coded, describe, flow_method, method_label
 from flowlik.flow.base import FlowMethod
 from flowlik.likelihood.families import FAMILIES, error_family
@@ -49,7 +40,6 @@ from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.model_file import save_likelihood
 from flowlik.likelihood.schedule import Index
 from flowlik.report import finish
-from flowlik.results.records import Record, select
 from flowlik.results.runs import RunFolder
 from flowlik.support.progress import Progress, no_progress
 
@@ -71,7 +61,7 @@ def calibrate(
     Parameters
     ----------
     data : sequence of Path
-        Folders of sequences; each counts alike when an index is learned.
+        Folders of sequences; each counts alike when an index is learned. None with `options.standard`.
     method : str
         A flow method's name, as `flowlik.flow_method` takes it.
     out : Path
@@ -97,22 +87,52 @@ def calibrate(
     DataError
         If a sequence cannot be read or lacks its truth, or the options do not fit together.
     """
+    check_options(data, options)
     flow = coded(flow_method(method), options.flow_png)
+    error_family(options.family)
+    check_schedule(options.schedule)
+    config = {"data": [str(folder) for folder in data], "method": method, **options.asdict()}
+    run = RunFolder(out, command, config, options.seed)
+    if not options.standard:
+        sequences = [read_data(folder, options, run, flow) for folder in data]
+        flown = [Flown(sequence, split_blocks(sequence, options.seed)) for sequence in sequences]
+        names = ", ".join(sequence.name for sequence in sequences)
+        _calibrate_on(run, flown, names, flow, options, progress)
+        finish(run)
+        return run
+    flights = standard_flights(options.cache, options.share, options.kitti_poses, run.warn, progress)
+    names = ", ".join(flight.sequence.name for flight in flights["calibration"])
+    chosen, others = _calibrate_on(run, flights["calibration"], names, flow, options, progress)
+    for split in ("validation", "held out"):
+        found = [p[0] for p in _populations(run, flights[split], flow, options, progress, split)]
+        blocks = [block for part in found for block in part if block.total]
+        kinds = [blocks, [block.over(chosen.schedule.index) for block in blocks]]
+        name = f"{method_label(describe(flow))}-{split.replace(' ', '-')}"
+        dataset = f"standard flights, {split}"
+        add_evidence(run, kinds, [chosen, *others], dataset, name, options.seed, split=split)
+    finish(run)
+    return run
+
+
+def _calibrate_on(
+    run: RunFolder,
+    flown: Sequence[Flown],
+    names: str,
+    flow: FlowMethod,
+    options: CalibrateOptions,
+    progress: Progress,
+) -> tuple[FlowLikelihood, list[FlowLikelihood]]:
+    """Calibrate, add the evidence in sample, and save the model; returns it and the paper's beside it."""
     family, schedule, seed = options.family, options.schedule, options.seed
     label = method_label(describe(flow))
-    error_family(family)
-    check_schedule(schedule)
-    config = {"data": [str(folder) for folder in data], "method": method, **options.asdict()}
-    run = RunFolder(out, command, config, seed)
-    sequences = [read_data(folder, options, run, flow) for folder in data]
-    names = ", ".join(sequence.name for sequence in sequences)
     provenance: dict[str, object] = {"data": names, "seed": seed, **options.images}
     keys = {"split": "in sample", **options.images}
-    populations = _populations(run, sequences, flow, options, progress)
+    populations = _populations(run, flown, flow, options, progress)
     by_texture, by_flow = ([block for p in populations if p for block in p[kind]] for kind in (0, 1))
     # each fit takes seconds to a minute: whoever waits is told of it
     models = fit_families(by_texture, flow, provenance, progress=progress)
-    if message := little_data_warning(merge_all(by_texture), names):
+    shown = "standard flights" if options.standard else names
+    if message := little_data_warning(merge_all(by_texture), shown):
         run.warn(message)
     if schedule == "texture":
         chosen, blocks = models[family], by_texture
@@ -123,51 +143,54 @@ def calibrate(
         constant = schedule == "constant"
         chosen = fit_likelihood(blocks, error_family(family), flow, provenance=provenance, constant=constant)
         others = list(models.values())
-    add_evidence(run, [by_texture, blocks], [chosen, *others], names, label, seed, **keys)
+    add_evidence(run, [by_texture, blocks], [chosen, *others], shown, label, seed, **keys)
     bands = None
     if schedule != "constant":
         rng, smoothing = np.random.default_rng(seed), chosen.goodness["fit"]["smoothing"]
         bands = bootstrap(blocks, chosen.family, chosen.schedule, rng, BAND_REPLICATES, smoothing)
     run.save("table", label, table_arrays(merge_all(blocks), chosen, bands))
-    chosen = with_shared_errors(chosen, _spread(sequences, flow, chosen, options, progress))
+    chosen = with_shared_errors(chosen, _spread(flown, flow, chosen, options, progress))
     save_likelihood(with_goodness(chosen, run.records), run.path / "models" / f"{label}.json")
-    finish(run)
-    return run
+    papers = [models["lcm"]] if "lcm" in models and (schedule, family) != ("texture", "lcm") else []
+    return chosen, papers
 
 
 def _populations(
     run: RunFolder,
-    sequences: Sequence[ImageSequence],
+    flown: Sequence[Flown],
     flow: FlowMethod,
     options: CalibrateOptions,
     progress: Progress,
+    split: str = "",
 ) -> list[list[list[ErrorSketch]]]:
     """Of every sequence its blocks over texture, and over flow."""
     # signals cost more flow, and flow on disk may have none
     keep = index_form(flow).covariates if options.schedule == "index" else ()
-    task, label = Task(flow, (Index(), FLOW_INDEX), keep), method_label(describe(flow))
-    most = max(2, BOOTSTRAP_BLOCKS // len(sequences))
+    pixels = DENSE_PIXELS if options.standard else None
+    task, label = Task(flow, (Index(), FLOW_INDEX), keep, pixels=pixels), method_label(describe(flow))
+    most = max(2, BOOTSTRAP_BLOCKS // len(flown))
     populations = []
-    for number, sequence in enumerate(sequences):
-        blocks = split_blocks(sequence, options.seed)
+    for number, (sequence, blocks) in enumerate(flown):
         found = sketch_for_run(
             run, blocks, [task], f"{label} on {sequence.name}, blocks of pairs", options, progress,
-            f"sketches-{number}", dataset=sequence.name, flow=label,
+            f"sketches-{split.replace(' ', '-')}{number}", dataset=sequence.name, flow=label,
         )  # fmt: skip
         populations.append(gather(found, len(blocks), most))
     return populations
 
 
 def _spread(
-    sequences: Sequence[ImageSequence],
+    flown: Sequence[Flown],
     flow: FlowMethod,
     chosen: FlowLikelihood,
     options: CalibrateOptions,
     progress: Progress,
 ) -> Pairs:
-    """Errors of pairs from all over the sequences, for what errors share."""
-    count = max(2, SHARED_PAIRS // len(sequences))
-    spread = [block for sequence in sequences for block in spread_pairs(sequence, count, options.seed)]
+    """Errors of pairs from all over the sequences, for what errors share; of standard flights all pairs."""
+    count = max(2, SHARED_PAIRS // len(flown))
+    spread: list[Block] = []
+    for sequence, blocks in flown:
+        spread += blocks if options.standard else spread_pairs(sequence, count, options.seed)
     with executor(options.executor, options.workers, options.scheduler) as block_map:
         return measured_pairs(
             spread, flow, chosen.texture, chosen.signals,
@@ -196,47 +219,3 @@ def fit_families(
         name: fit_likelihood(sketches, error_family(name), method, provenance=provenance, smoothing=smoothing)
         for name in progress(names, "families fitted", len(names))
     }
-
-
-def with_goodness(likelihood: FlowLikelihood, records: Sequence[Record]) -> FlowLikelihood:
-    """Likelihood whose file tells how well it fits the data it was calibrated on."""
-    name = method_label(likelihood.method or {})
-    schedule = likelihood.schedule.name
-    own = select(records, family=likelihood.family.name, flow=name, schedule=schedule)
-    return replace(likelihood, goodness={**likelihood.goodness, **{r.metric: r.value for r in own}})
-
-
-def add_evidence(
-    run: RunFolder,
-    kinds: Sequence[Sequence[ErrorSketch]],
-    models: Sequence[FlowLikelihood],
-    dataset: str,
-    label: str,
-    seed: int | None,
-    counting: Counting = Counting(),
-    **keys: object,
-) -> None:
-    """Add to a run the records and figures of models on one population of errors.
-
-    The population's blocks are given over each index that a model has. The first model is the one drawn in
-    detail.
-
-    Raises
-    ------
-    CalibrationError
-        If there are no blocks over a model's index.
-    """
-    main = models[0]
-    merged = merge_all(blocks_over(kinds, main))
-    for model in models:
-        run.records += model_records(blocks_over(kinds, model), model, dataset, seed, counting, **keys)
-    drawn = figures(kinds, {f"{m.family.name} · {m.schedule.name}": m for m in models}, counting)
-    flow = method_label(main.method) if main.method else None
-    if select(run.records, metric="negative_share", dataset=dataset, flow=flow):
-        del drawn["bias"]  # it is the flow's, whatever the schedule
-    else:
-        run.records += bias_records(merged, dataset, flow, seed, **keys)
-    for kind, arrays in drawn.items():
-        run.save(kind, label, arrays)
-    if message := outside_warning(outside_range(merged, main), dataset):
-        run.warn(message)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from flowlik.calibration import Task, gather, merge_all, split_blocks
-from flowlik.commands._calibrate import add_evidence
+from flowlik.commands._evidence import add_evidence
 from flowlik.commands._reading import read_data
 from flowlik.commands._sketching import sketch_for_run
 from flowlik.commands.options import EvaluateOptions

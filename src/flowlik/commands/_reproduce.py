@@ -21,7 +21,8 @@ from flowlik.calibration import (
     with_shared_errors,
 )
 from flowlik.calibration.shared_errors import Pairs
-from flowlik.commands._calibrate import add_evidence, fit_families, with_goodness
+from flowlik.commands._calibrate import fit_families
+from flowlik.commands._evidence import add_evidence, with_goodness
 from flowlik.commands._reproduce_flights import BLOCK, add_ratios, flight_sequence, fly
 from flowlik.commands.options import BEST_FAMILY
 from flowlik.commands.plans import FAMILIES_SHOWN, METHODS, PAPER, QUICK, Flight, Plan

@@ -80,3 +80,23 @@ class Data(Options):
         """What is done to the images, if anything, for the protocol of results."""
         done = {"mask": None if self.mask is None else "given", "resize": self.resize}
         return {key: value for key, value in done.items() if value is not None}
+
+
+@dataclass(frozen=True, kw_only=True)
+class StandardFlights(Options):
+    """Which standard flights are calibrated on, and where they are kept.
+
+    Attributes
+    ----------
+    share : float
+        Share of each standard flight's places, at least one of each.
+    cache : Path, optional
+        Folder of the standard flights, rendered once; by default the user's cache folder.
+    kitti_poses : Path, optional
+        Folder of KITTI odometry's true poses, ``00.txt`` to ``10.txt``, whose routes the standard flights
+        along roads follow; without it these are left out.
+    """
+
+    share: float = 1.0
+    cache: Path | None = None
+    kitti_poses: Path | None = None

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flowlik.commands._shared_options import Data, Execution, Options
+from flowlik.commands._shared_options import Data, Execution, Options, StandardFlights
 
 if TYPE_CHECKING:
     from flowlik.geometry.camera import Pinhole
@@ -19,8 +19,8 @@ BEST_FAMILY, BEST_SCHEDULE = "glc", "index"
 
 
 @dataclass(frozen=True, kw_only=True)
-class CalibrateOptions(Execution, Data):
-    """Options of `flowlik.commands.calibrate`, those of `Execution` and `Data` among them.
+class CalibrateOptions(Execution, Data, StandardFlights):
+    """Options of `flowlik.commands.calibrate`, of `Execution`, and of `Data` or `StandardFlights`.
 
     Attributes
     ----------
@@ -28,12 +28,15 @@ class CalibrateOptions(Execution, Data):
         Family of the saved model; all are fitted, for comparison.
     schedule : str
         Schedule of the saved model, one of `flowlik.calibration.SCHEDULES`; the paper's is ``"texture"``.
+    standard : bool
+        Calibrate on the standard flights, as the shipped models were, instead of on data.
     seed : int
         Seed of pixels and reservoirs.
     """
 
     family: str = BEST_FAMILY
     schedule: str = BEST_SCHEDULE
+    standard: bool = False
     seed: int = 0
 
 
