@@ -11,7 +11,7 @@ import pytest
 
 from flowlik.cli import main
 
-PROGRESS = re.compile(r".+: \d+ in [\d.]+ s")
+PROGRESS = re.compile(r".+: (\d+ in [\d.]+ s|\d+/\d+, [\d.e+]+/(s|min|h), \d+ s left)")
 
 
 @dataclass(frozen=True)

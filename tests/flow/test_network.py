@@ -132,6 +132,11 @@ def test_the_known_motion_is_known_both_ways():
     assert np.corrcoef(ends.ravel(), there.ravel())[0, 1] > 0.9
 
 
+def test_tiny_numbers_stay_numbers_outside_the_network(fixed):
+    onnx_flow(fixed, **SAID).dense(*PAIR)
+    assert (np.array([1e-310]) * 0.5 > 0).all()
+
+
 def test_images_of_other_sizes(free, fixed):
     method = onnx_flow(free, multiple=32, **SAID)
     pair = [image[:51, :83] for image in PAIR]

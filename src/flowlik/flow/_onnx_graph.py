@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -91,8 +92,13 @@ class Network:
         options.log_severity_level = 4  # what goes wrong is said by the exception
         # sums of tiny numbers, of which some networks are full, take a tenth of the time
         options.add_session_config_entry("session.set_denormal_as_zero", "1")
+        # in a thread of its own: the session takes tiny numbers for zero in whichever thread makes or runs it
+        self._thread = ThreadPoolExecutor(1, "network")
         try:
-            self._session = runtime.InferenceSession(str(path), options, ["CPUExecutionProvider"])
+            providers = ["CPUExecutionProvider"]
+            self._session = self._thread.submit(
+                runtime.InferenceSession, str(path), options, providers
+            ).result()
         except Exception as error:
             raise ModelError(f"{path}: not an ONNX network that onnxruntime loads ({told(error)})") from error
         self.path = path
@@ -108,7 +114,7 @@ class Network:
             If the graph fails on them.
         """
         try:
-            found = self._session.run(None, self.form.arrays(pairs))
+            found = self._thread.submit(self._session.run, None, self.form.arrays(pairs)).result()
         except Exception as error:
             size = f"{pairs.shape[4]}x{pairs.shape[3]}"
             raise DataError(
