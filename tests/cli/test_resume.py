@@ -23,10 +23,10 @@ import cv2
 calls = 0
 
 def kills(previous, current):
-    "Flow that kills the process at the 49th call, the 25th pair there and back, if it shall."
+    "Flow that kills the process at the 25th call, that of the 25th pair, if it shall."
     global calls
     calls += 1
-    if calls == 49 and "KILL" in os.environ:
+    if calls == 25 and "KILL" in os.environ:
         os.kill(os.getpid(), signal.SIGKILL)
     return cv2.calcOpticalFlowFarneback(previous, current, None, 0.5, 2, 9, 2, 5, 1.1, 0)
 """
