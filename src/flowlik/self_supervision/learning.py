@@ -26,6 +26,7 @@ from flowlik.likelihood.families import error_family
 from flowlik.likelihood.likelihood import Errors, FlowLikelihood
 from flowlik.likelihood.shared_errors import SharedErrors
 from flowlik.self_supervision._correlation import scalar_correlation
+from flowlik.self_supervision._documented import documented
 from flowlik.self_supervision.cross_fit import MotionErrors, SeenPair
 from flowlik.self_supervision.passes import Pass, check_enough, pass_over
 from flowlik.self_supervision.readings import Reading, independent_pairs
@@ -169,28 +170,7 @@ def learn_without_truth(
             f"neighbouring pairs show the same things: {len(learned_from)} amount to {amount:.1f} "
             "independent ones, and the model is of these scenes alone"
         )
-    in_fit, out_of_fit = (Reading.of(likelihood, found.of(held_out, own)) for own in (True, False))
-    record = {
-        **(provenance or {}),
-        "truth": "none: own motions, each half of a chessboard against the other's",
-        "start": "none" if start is None else start.provenance.get("name", "a model"),
-        "pairs": len(training),
-        "held_out_pairs": len(found.of(held_out)),
-        "independent_pairs": round(amount, 1),
-        "statuses": found.statuses,
-        "components": int(sum(len(e.z) for e in training)),
-        "shared_by_whole_images": "the start's" if start is not None else "unknown",
-    }
-    goodness = {
-        "rounds": [round(score, 4) for score in scores],
-        **{f"{name}_{key}": value for name, r in (("in_fit", in_fit), ("out_of_fit", out_of_fit))
-           for key, value in r.values().items()},
-    }  # fmt: skip
-    likelihood = replace(
-        likelihood,
-        provenance={**likelihood.provenance, **record},
-        goodness={**likelihood.goodness, **goodness},
-    )
+    likelihood = documented(likelihood, start, found, training, held_out, scores, amount, provenance)
     return Calibrated(likelihood, start, first, found, held_out, scores, amount, warnings)
 
 
