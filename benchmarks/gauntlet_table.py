@@ -92,7 +92,7 @@ def table(records: list[Record]) -> str:
 
 def residual_of(record: Record) -> str:
     """Residual that a record's protocol names."""
-    return dict(part.split("=") for part in record.protocol.split("; "))["residual"]
+    return record.notes["residual"]
 
 
 def _text(value: float | None, factor: float, form: str) -> str:

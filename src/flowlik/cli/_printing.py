@@ -47,11 +47,11 @@ def show_verdict(run: RunFolder) -> None:
     for sentence in verdict.sentences:
         typer.echo(textwrap.fill(sentence, WIDTH))
     if verdict.rows:
-        widths = [max(len(label) for label, _ in verdict.rows)]
+        width = max(len(label) for label, _ in verdict.rows)
         for label, cells in verdict.rows:
             said = (f"{cell.text} {cell.grade}".strip() for cell in cells)
             named = (f"{column} {text}" for column, text in zip(verdict.columns, said))
-            typer.echo(f"  {label:<{widths[0]}}  {'; '.join(named) if verdict.columns else ''}".rstrip())
+            typer.echo(f"  {label:<{width}}  {'; '.join(named) if verdict.columns else ''}".rstrip())
     typer.echo(f"all {len(run.records)} figures: {run.path / 'metrics.json'}, or --verbose")
 
 

@@ -83,8 +83,7 @@ def leaning(values: Sequence[float], promised: float = 0.9) -> str:
 
 def interval_of(record: Record) -> tuple[float, float] | None:
     """The 95 % interval that a record's protocol gives, if any."""
-    parts = dict(part.strip().split("=", 1) for part in record.protocol.split(";") if "=" in part)
-    low, dots, high = parts.get("interval_95", "").partition(" … ")
+    low, dots, high = record.notes.get("interval_95", "").partition(" … ")
     return (float(low), float(high)) if dots else None
 
 

@@ -30,7 +30,7 @@ def of_pair(records: list[Record]) -> Verdict:
     model = model_name(str(r.family), r.schedule)
     outside = value.get("outside_fraction", 0.0)
     best, worst = (f"{value[f'half_width_e{k}_median_px']:.2g}" for k in (1, 2))
-    level = next((part[11:] for part in r.protocol.split("; ") if part.startswith("confidence=")), "0.9")
+    level = r.notes.get("confidence", "0.9")
     sentences = [
         f"Half of the vectors of {name} are known to ±{best} px along their best direction and to "
         f"±{worst} px along their worst ({100 * float(level):g} % intervals, {model} model).",

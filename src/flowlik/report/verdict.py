@@ -56,18 +56,13 @@ def verdict_of(records: Sequence[Record], command: str = "") -> Verdict:
     return Verdict(f"Results of {' '.join(command.split()[:2])}" if command else "Results")
 
 
-def _parts(record: Record) -> dict[str, str]:
-    return dict(part.strip().split("=", 1) for part in record.protocol.split(";") if "=" in part)
-
-
 def _split(record: Record) -> str:
-    return _parts(record).get("split", "")
+    return record.notes.get("split", "")
 
 
 def _beside(record: Record) -> bool:
     """Whether a record is of the model before a calibration without truth, or of errors in fit."""
-    parts = _parts(record)
-    return parts.get("model") == "before" or parts.get("motions") == "in fit"
+    return record.notes.get("model") == "before" or record.notes.get("motions") == "in fit"
 
 
 def _of_models(records: list[Record], models: list[Record]) -> Verdict:

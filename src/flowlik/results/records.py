@@ -74,9 +74,14 @@ class Record:
             object.__setattr__(self, key, None if number is None else int(number))
 
     @property
+    def notes(self) -> dict[str, str]:
+        """Values of the protocol by their keys, as `protocol` joins them."""
+        return dict(part.strip().split("=", 1) for part in self.protocol.split(";") if "=" in part)
+
+    @property
     def reason(self) -> str:
         """Why a record has no value, as its protocol says."""
-        parts = dict(part.strip().split("=", 1) for part in self.protocol.split(";") if "=" in part)
+        parts = self.notes
         if parts.get("counted", "").startswith("0 of ") and "levels" in parts:
             return f"no value: too little data, no texture level has {parts['levels']}"
         why = parts.get("reason") or parts.get("value") or self.protocol
