@@ -13,7 +13,7 @@ from flowlik.datasets._pfm import read_pfm
 from flowlik.datasets.flow_png import encode_kitti_flow, read_flow_png
 from flowlik.errors import DataError
 from flowlik.support.arrays import Array
-from flowlik.support.files import atomic_write, read_npz
+from flowlik.support.files import atomic_write, mapped_npy, read_npz
 
 SUFFIXES = (".flo", ".png", ".npy", ".npz", ".pfm")
 """Flow formats that `read_flow` reads."""
@@ -122,12 +122,7 @@ def _read_flo(path: Path) -> Array:
 
 
 def _read_npy(path: Path) -> NDArray:
-    try:
-        # Mapped, a header that promises more than the file holds is refused before memory is asked for.
-        flow = np.load(path, mmap_mode="r", allow_pickle=False)
-    except Exception as error:  # NumPy's parser of headers raises a dozen kinds
-        raise DataError(f"{path}: not a readable .npy file (truncated or of another kind)") from error
-    return np.array(_components_last(flow, path))
+    return np.array(_components_last(mapped_npy(path), path))
 
 
 def _read_npz(path: Path) -> NDArray:

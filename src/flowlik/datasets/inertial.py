@@ -14,7 +14,7 @@ from flowlik.errors import DataError
 from flowlik.geometry.pose_table import camera_vectors, nanoseconds
 from flowlik.geometry.times import check_times, time_text
 from flowlik.support.arrays import Array
-from flowlik.support.files import numbers, read_csv, read_text
+from flowlik.support.files import mapped_npy, numbers, read_csv, read_text
 
 GRAVITY_MPS2 = 9.80665
 MOST_PERIODS = 5.0
@@ -239,11 +239,7 @@ def _read_npy(path: Path, dimensions: int) -> Array:
     """Array (N,) or (N, 3) of numbers."""
     if not path.is_file():
         raise DataError(f"{path}: no such file")
-    try:
-        # mapped, a header that promises more than the file holds is refused before memory is asked for
-        values = np.load(path, mmap_mode="r", allow_pickle=False)
-    except Exception as error:  # NumPy's parser of headers raises a dozen kinds
-        raise DataError(f"{path}: not a readable .npy file (truncated or of another kind)") from error
+    values = mapped_npy(path)
     shape = "(N,)" if dimensions == 1 else "(N, 3)"
     right = isinstance(values, np.ndarray) and values.dtype.kind == "f" and values.ndim == dimensions
     if not right or (dimensions == 2 and values.shape[1] != 3):

@@ -163,6 +163,20 @@ def read_npz(path: Path | str) -> dict[str, NDArray[Any]]:
         raise DataError(f"{path}: not a readable npz file ({type(error).__name__})") from error
 
 
+def mapped_npy(path: Path | str) -> Any:
+    """Content of a npy file, mapped: a header that promises more than the file holds asks for no memory.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read as one.
+    """
+    try:
+        return np.load(path, mmap_mode="r", allow_pickle=False)
+    except Exception as error:  # NumPy's parser of headers raises a dozen kinds
+        raise DataError(f"{path}: not a readable .npy file (truncated or of another kind)") from error
+
+
 def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
     """One array, after its header has been held against the size of the member."""
     with archive.open(member) as file:

@@ -16,7 +16,7 @@ from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.pose_table import camera_poses, ned_poses, read_pose_table
 from flowlik.geometry.times import read_times
-from flowlik.support.files import read_table
+from flowlik.support.files import mapped_npy, read_table
 
 FRAMES_PER_SECOND = 10.0
 
@@ -57,11 +57,7 @@ def read_depth_npy(path: Path) -> NDArray[np.float64]:
     DataError
         If the file is not a readable array (H, W) of floats.
     """
-    try:
-        # mapped, a header that promises more than the file holds is refused before memory is asked for
-        depth = np.load(path, mmap_mode="r", allow_pickle=False)
-    except Exception as error:  # NumPy's parser of headers raises a dozen kinds
-        raise DataError(f"{path}: not a readable .npy file (truncated or of another kind)") from error
+    depth = mapped_npy(path)
     if not isinstance(depth, np.ndarray) or depth.dtype.kind != "f" or depth.ndim != 2:
         raise DataError(f"{path}: depth must be an array (H, W) of floats [m]")
     return np.array(depth, dtype=np.float64)
