@@ -25,8 +25,8 @@ from flowlik.geometry.motion import relative_motion
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.model_file import load_likelihood, save_likelihood
 from flowlik.likelihood.over_time import OverTime, Persistence
-from flowlik.likelihood.shared_errors import SharedErrors
 from flowlik.odometry import Odometry, flow_factor
+from flowlik.odometry.flow_factor import given_rotation
 from flowlik.odometry.trajectory_covariance import ChainedErrors
 from flowlik.results.records import Record, protocol, write_records
 from flowlik.support.files import atomic_write
@@ -113,10 +113,9 @@ def _fly(flight: Flight, model: FlowLikelihood, path: Path) -> None:
     print(f"flown {flight.name}", flush=True)
 
 
-def with_over_time(model: FlowLikelihood, over_time: OverTime) -> FlowLikelihood:
-    """Model that knows how its motions' errors stay."""
-    shared = model.shared_errors
-    return replace(model, shared_errors=SharedErrors(shared.correlation, shared.composite_power, over_time))
+def with_over_time(model: FlowLikelihood, over_time: OverTime | None) -> FlowLikelihood:
+    """Model that knows how its motions' errors stay, or that does not."""
+    return replace(model, shared_errors=replace(model.shared_errors, over_time=over_time))
 
 
 def whitened(motions: Motions, form: str) -> np.ndarray:
@@ -126,8 +125,8 @@ def whitened(motions: Motions, form: str) -> np.ndarray:
         xi = (motion.T_k_prev * true.inv()).as_exp_coords()
         C = motion.covariance
         if form == "given-rotation":
-            gain = np.linalg.solve(C[:3, :3], C[:3, 3:]).T
-            xi, C = xi[3:] - gain @ xi[:3], C[3:, 3:] - gain @ C[:3, 3:]
+            gain, C = given_rotation(C)
+            xi = xi[3:] - gain @ xi[:3]
         errors.append(np.linalg.solve(np.linalg.cholesky(C), xi))
     return np.array(errors)
 
@@ -227,9 +226,8 @@ def main() -> None:
         name, model = Path(path).stem, load_likelihood(path)
         over_time = calibrated(name, model, options.cache)
         print(f"{name}: {over_time}")
-        for known in (replace(model, shared_errors=replace(model.shared_errors, over_time=None)),
-                      with_over_time(model, over_time)):  # fmt: skip
-            records += judged(name, known, options.cache)
+        for known in (None, over_time):
+            records += judged(name, with_over_time(model, known), options.cache)
         if options.write is not None:
             save_likelihood(with_over_time(model, over_time), options.write / f"{name}.json")
     options.out.mkdir(parents=True, exist_ok=True)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+import calibration as sources
 from calibration_plan import CALIBRATION
 from flights import Flight, Runs
 from flowlik.calibration import Block, index_form
@@ -34,17 +35,7 @@ PAIRS_A_SOURCE = 5
 WINDOWS = (9, 15, 21, 27, 31)
 SIGNALS = ("discrepancy", "patch-discrepancy", "residual", "spread", "standard-error")
 WIDTHS = (2, 2, 0, 0, 3)
-REAL = {
-    "Sintel alley_1 clean": "flow/sintel/training/clean/alley_1",
-    "Sintel alley_1 final": "flow/sintel/training/final/alley_1",
-    "Sintel alley_2 clean": "flow/sintel/training/clean/alley_2",
-    "Sintel cave_2 final": "flow/sintel/training/final/cave_2",
-    "KITTI 2012": "flow/kitti2012/training",
-    "RubberWhale": "flow/middlebury/RubberWhale",
-    "FlyingChairs": "flow/flyingchairs",
-    "Motorcycle": "stereo/motorcycle",
-    "TartanAir": "tartanair_v2/abs_P000",
-}
+REAL = {name: folder for name, folder in sources.REAL.items() if "soft truth" not in name}
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """Numba kernels of calibration: counts of a sketch, products of scores."""
 
-import numpy as np
 from numba import njit
 
+from flowlik.calibration.distances import bin_of
 from flowlik.likelihood.tables import magnitude_position
 
 
@@ -26,10 +26,7 @@ def products(pixels, scores, n, size, first, per_octave, dot, along, down, norm,
     for i in range(len(pixels)):
         for j in range(i + 1):
             du, dv = pixels[i, 0] - pixels[j, 0], pixels[i, 1] - pixels[j, 1]
-            square = du * du + dv * dv
-            b = 0 if i == j else 1
-            if square >= first * first:
-                b = min(2 + int(per_octave * 0.5 * np.log2(square / (first * first))), last)
+            b = 0 if i == j else bin_of(du * du + dv * dv, first, per_octave, last)
             w = size[i] * size[j]
             dot[b] += w * (scores[i, 0] * scores[j, 0] + scores[i, 1] * scores[j, 1])
             along_i = n[i, 0] * scores[i, 0] + n[i, 1] * scores[i, 1]

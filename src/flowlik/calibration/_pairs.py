@@ -31,7 +31,11 @@ class PairErrors:
 
 
 def calibration_pixels(
-    previous: Image, method: FlowMethod, rng: np.random.Generator, dense: int | None = None
+    previous: Image,
+    method: FlowMethod,
+    rng: np.random.Generator,
+    dense: int | None = None,
+    grid: int = GRID_PIXELS,
 ) -> Array | None:
     """Where to calibrate: all or so many pixels of a dense method, else a jittered grid and corners.
 
@@ -42,8 +46,8 @@ def calibration_pixels(
     """
     if isinstance(method, DenseFlow):
         return None if dense is None else stratified_pixels(previous.shape, dense, rng)
-    grid = stratified_pixels(previous.shape, GRID_PIXELS, rng)
-    return np.unique(np.concatenate([grid, detect_corners(previous)]), axis=0)
+    jittered = stratified_pixels(previous.shape, grid, rng)
+    return np.unique(np.concatenate([jittered, detect_corners(previous)]), axis=0)
 
 
 def pair_errors(

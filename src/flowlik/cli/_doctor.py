@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from flowlik.cli._options import (
-    Json,
-)
+from flowlik.cli._options import Json
 from flowlik.cli._printing import console
 
 

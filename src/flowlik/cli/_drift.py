@@ -8,9 +8,7 @@ from typing import Annotated
 import typer
 
 from flowlik.cli import _complete as complete
-from flowlik.cli._options import (
-    Json,
-)
+from flowlik.cli._options import Json
 from flowlik.cli._printing import show_records
 from flowlik.commands.options import DriftOptions
 

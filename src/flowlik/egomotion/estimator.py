@@ -18,7 +18,7 @@ from flowlik.egomotion.moments import Moments, score_moments
 from flowlik.egomotion.observability import INFORMATIVE_PX, Verdict, judged, too_little
 from flowlik.egomotion.posterior import GaussianPrior
 from flowlik.egomotion.problem import Explanation, Problem
-from flowlik.egomotion.residual import Residual
+from flowlik.egomotion.residual import Residual, check_serves
 from flowlik.egomotion.result import EgoMotion, Status, of_rotation, unsolved
 from flowlik.errors import DataError
 from flowlik.likelihood.likelihood import FlowLikelihood
@@ -129,9 +129,7 @@ class Estimator:
         ModelError
             If the likelihood belongs to another flow method or texture definition.
         """
-        self.likelihood.check(residual.measurements)
-        if residual.metric:
-            self.likelihood.check_components()
+        check_serves(self.likelihood, residual)
         return Problem(residual, self.likelihood, self.rule, self.refine_all, self.gate or 0.0)
 
     def inliers(self, residual: Residual, T_k_prev: RigidTransform) -> NDArray[np.bool_]:

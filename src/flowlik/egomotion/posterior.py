@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.egomotion.residual import Residual
+from flowlik.egomotion.residual import Residual, check_serves
 from flowlik.errors import DataError
 from flowlik.geometry.motion import inverse_left_jacobian
 from flowlik.likelihood.likelihood import FlowLikelihood
@@ -46,9 +46,7 @@ def log_prob(likelihood: FlowLikelihood, residual: Residual, T_k_prev: RigidTran
     ModelError
         If the likelihood belongs to another flow method or texture definition.
     """
-    likelihood.check(residual.measurements)
-    if residual.metric:
-        likelihood.check_components()
+    check_serves(likelihood, residual)
     T = residual.retract(T_k_prev.as_matrix()[:3], np.zeros(6))
     _, z, J, x, _, _ = residual.at(T, likelihood.schedule.index)
     seen = np.isfinite(z)

@@ -194,6 +194,20 @@ class Sampling(Protocol):
         ...
 
 
+def check_serves(likelihood: FlowLikelihood, residual: Residual) -> None:
+    """Check that a likelihood is of the residual's vectors, and of its errors.
+
+    Raises
+    ------
+    ModelError
+        If it belongs to another flow method or texture definition, or tells nothing of errors along epipolar
+        lines, which known depth has.
+    """
+    likelihood.check(residual.measurements)
+    if residual.metric:
+        likelihood.check_components()
+
+
 def weighting(residual: Residual, likelihood: FlowLikelihood) -> Weighting:
     """How a residual's components enter an estimate.
 

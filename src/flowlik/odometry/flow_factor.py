@@ -102,7 +102,26 @@ def flow_factor(
         return None
     if form == "full":
         return FlowFactor(form, T, over_time.full.filter_factor(interval_s, horizon_s) * C, np.zeros((3, 3)))
-    gain = np.linalg.solve(C[:3, :3], C[:3, 3:]).T
-    left = C[3:, 3:] - gain @ C[:3, 3:]
+    gain, left = given_rotation(C)
     factor = over_time.given_rotation.filter_factor(interval_s, horizon_s)
     return FlowFactor(form, T, factor * (left + left.T) / 2, gain - skew(T.translation))
+
+
+def given_rotation(covariance: Array) -> tuple[Array, Array]:
+    """Likeliest translation's error by the rotation's, and the covariance that is left of it.
+
+    Parameters
+    ----------
+    covariance : array (6, 6)
+        Of a motion's tangent (rotation vector [rad], translation [m]).
+
+    Returns
+    -------
+    gain : array (3, 3)
+        Translation [m] a radian.
+    left : array (3, 3)
+        Of the translation once the rotation is known [m^2].
+    """
+    C = covariance
+    gain = np.asarray(np.linalg.solve(C[:3, :3], C[:3, 3:]).T, dtype=np.float64)
+    return gain, C[3:, 3:] - gain @ C[:3, 3:]

@@ -3,6 +3,8 @@
 import numpy as np
 from numba import njit
 
+from flowlik.calibration.distances import bin_of
+
 
 @njit(cache=True, nogil=True)
 def scalar_products(pixels, scores, n, along, size, first, per_octave, normal, right):  # type: ignore[no-untyped-def]
@@ -16,10 +18,7 @@ def scalar_products(pixels, scores, n, along, size, first, per_octave, normal, r
     for i in range(len(pixels)):
         for j in range(i + 1):
             du, dv = pixels[i, 0] - pixels[j, 0], pixels[i, 1] - pixels[j, 1]
-            square = du * du + dv * dv
-            b = 0 if i == j else 1
-            if square >= first * first:
-                b = min(2 + int(per_octave * 0.5 * np.log2(square / (first * first))), last)
+            b = 0 if i == j else bin_of(du * du + dv * dv, first, per_octave, last)
             features[0] = n[i, 0] * n[j, 0] + n[i, 1] * n[j, 1]
             features[1] = along[i] * along[j]
             features[2] = n[i, 1] * n[j, 1]

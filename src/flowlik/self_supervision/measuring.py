@@ -7,19 +7,17 @@ from collections.abc import Sequence as Seq
 
 import numpy as np
 
+from flowlik.calibration import calibration_pixels
 from flowlik.datasets.base import ImageSequence, frame_pairs, mask_of
 from flowlik.datasets.selection import whole_pair
 from flowlik.egomotion import Estimator
-from flowlik.flow.base import DenseFlow, FlowMethod, Image, method_for_pair
-from flowlik.flow.lucas_kanade import detect_corners
+from flowlik.flow.base import FlowMethod, method_for_pair
 from flowlik.image.texture import TextureDefinition
 from flowlik.measurement.features import DENSE_PIXELS
 from flowlik.measurement.masking import measure_clear
-from flowlik.measurement.measurements import stratified_pixels
 from flowlik.odometry.odometry import Odometry
 from flowlik.odometry.self_calibration import Intrinsics, SelfCalibration
 from flowlik.self_supervision.cross_fit import SeenPair
-from flowlik.support.arrays import Array
 
 GRID_PIXELS = 1500
 """Pixels of a jittered grid, besides a sparse method's corners."""
@@ -51,16 +49,9 @@ def seen_pairs(
     for k in firsts:
         images, rng = (sequence.image(k), sequence.image(k + 1)), np.random.default_rng([seed, k])
         own = method_for_pair(method, *whole_pair(sequence, k))
-        pixels = _pixels(images[0], method, rng)
+        pixels = calibration_pixels(images[0], method, rng, DENSE_PIXELS, GRID_PIXELS)
         m = measure_clear(images, own, texture, mask_of(sequence, k), pixels, signals)
         yield SeenPair(m, sequence.camera, sequence.depth(k) if depth else None)
-
-
-def _pixels(previous: Image, method: FlowMethod, rng: np.random.Generator) -> Array:
-    if isinstance(method, DenseFlow):
-        return stratified_pixels(previous.shape, DENSE_PIXELS, rng)
-    grid = stratified_pixels(previous.shape, GRID_PIXELS, rng)
-    return np.unique(np.concatenate([grid, detect_corners(previous)]), axis=0)
 
 
 def self_calibrated(
