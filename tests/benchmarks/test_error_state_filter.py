@@ -1,6 +1,7 @@
 """The judge is judged: by integration, by finite differences, and by drawn errors of known size."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.geometry.motion import exp_se3, relative_motion, skew
-from flowlik.likelihood.over_time import Persistence
+from flowlik.likelihood.over_time import OverTime, Persistence
 from flowlik.odometry import FlowFactor
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
@@ -155,3 +156,33 @@ def test_drawn_errors_are_as_large_as_it_says(truth, form):
     assert abs(values.mean() - 9) < 4 * np.sqrt(18 / draws)
     # and the flow is what told the velocity
     assert np.sqrt(robot.C[:, V, V].trace(axis1=1, axis2=2)).mean() < 0.65
+
+
+def test_a_shift_of_gps_goes_on_as_the_record_of_fixes_says():
+    """Innovations of the filter with shifted fixes against the recursion over its own record."""
+    from gps_integrity_flights import COLOURED, drawn_flight, filtered, shifted
+
+    stays = OverTime(Persistence(0.2, 1.0), Persistence(0.2, 1.0))
+    motions = drawn_flight(0, 2.0, stays).motions
+    shift_m = np.linspace(0, 0.4, 10)[:, None, None] * np.array([[1.0, 0.0, 0.5], [0.0, -1.0, 0.0]])
+
+    def flown(**options):
+        white = FlowFactor("full", motions.true[0], COVARIANCE, np.zeros((3, 3)))
+        factors = lambda motion: replace(white, T_k_prev=motion.T_k_prev)  # noqa: E731
+        return filtered(motions, factors, 2, 0, COLOURED, **options)
+
+    clean, fooled = flown(), flown(shift_m=shift_m)
+    assert clean.record.gains.shape == (10, 27, 3)
+    change = fooled.innovations - clean.innovations
+    assert np.abs(change[-1] - shift_m[-1]).max() > 0.05  # the estimate has followed
+    np.testing.assert_allclose(shifted(clean.record, shift_m), change, atol=2e-3)
+    np.testing.assert_allclose(filtered_out(flown, shift_m), clean.innovations[:3], atol=1e-12)
+
+
+def filtered_out(flown, shift_m):
+    """First innovations of a filter that takes no fix of the shifted ones after the second."""
+    taken = np.arange(10)[:, None] < np.array([2, 2])
+    run = flown(taken=taken, shift_m=np.where(taken[..., None], 0.0, shift_m))
+    assert not run.taken[2:].any()
+    assert not np.array(run.record.gains[2:]).any()
+    return np.concatenate([run.innovations[:2], run.innovations[2:3] - shift_m[2]])

@@ -1,0 +1,273 @@
+"""When a monitor of GPS notices that it lies: delays of its alarms, at one rate of false alarms for all.
+
+    python benchmarks/gps_integrity.py --out RUN [--cache CACHE] [--flights 20] [--draws 12] [--answers 2]
+
+Flights of `--seconds` at 60 frames/s with an IMU (EuRoC's noise densities, turn-on biases) at 240 Hz and GPS
+(5 a second, 1.5 m an axis) go through the error-state filter of `error_state_filter.py`. Motions are those of
+CACHE that are long enough, in the layout of `over_time.py`; without CACHE they are drawn: a smooth path whose
+flow errs as the model says that it does, which is no measurement. GPS is carried off at a constant speed from
+10 s on, level, in a direction that is drawn. Thresholds are of `drawn_maxima` on each flight, for 5 % false
+alarms a flight and for one an hour; clean flights count how many there were.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import chi2
+
+from flowlik.fusion import (
+    GpsInnovations,
+    drawn_maxima,
+    false_alarm_threshold,
+    normalised_innovations_squared,
+    ramp_alarm,
+    ramp_test,
+    trusted_fixes,
+    windowed_nis,
+)
+from flowlik.likelihood.model_file import load_likelihood
+from flowlik.results.records import Record, protocol, write_records
+from fused_over_time import Factors, ways
+from gps_integrity_flights import (
+    COLOURED,
+    WHITE,
+    Filtered,
+    Flight,
+    Receiver,
+    drawn_flight,
+    filtered,
+    measured_flights,
+    shifted,
+)
+
+RATES_MPS = (0.2, 0.5, 1.0, 2.0)
+ONSET_S = 10.0
+NIS_WINDOW_S = 10.0
+A_FLIGHT = 0.05
+THRESHOLD_DRAWS = 1000
+
+
+class Monitor(NamedTuple):
+    """A filter's flow, the receiver, whether its colour is modelled, and a statistic of innovations."""
+
+    flow: str
+    statistic: str = "glrt"
+    receiver: Receiver = WHITE
+    modelled: bool = True
+
+
+MONITORS = {
+    "flowlik": Monitor("given-rotation"),
+    "imu-only": Monitor("imu-gps"),
+    "vins-weights": Monitor("vins-weights"),
+    "per-fix-gate": Monitor("given-rotation", "nis"),
+    "windowed-nis": Monitor("given-rotation", "windowed-nis"),
+    "flowlik, coloured GPS": Monitor("given-rotation", "glrt", COLOURED),
+    "flowlik, coloured GPS taken as white": Monitor("given-rotation", "glrt", COLOURED, False),
+}
+
+
+def statistics(name: str, fixes: GpsInnovations, innovations: np.ndarray) -> np.ndarray:
+    """Statistic (N, D) of innovations (N, D, 3)."""
+    if name == "glrt":
+        return ramp_test(fixes, innovations_m=innovations).statistic
+    nis = normalised_innovations_squared(innovations, fixes.innovation_covariances_m2[:, None])
+    return nis if name == "nis" else windowed_nis(fixes.times_s, nis, NIS_WINDOW_S)
+
+
+def white_maxima(name: str, fixes: GpsInnovations, draws: int, rng: np.random.Generator) -> np.ndarray:
+    """Largest statistics (draws,) of flights whose innovations are what the filter says."""
+    if name == "glrt":
+        return drawn_maxima(fixes, draws, rng)
+    nis = chi2(3).rvs((len(fixes.times_s), draws), random_state=rng)
+    statistic = nis if name == "nis" else windowed_nis(fixes.times_s, nis, NIS_WINDOW_S)
+    return statistic.max(axis=0)
+
+
+def carried_off(times_s: np.ndarray, rate_mps: float, draws: int, seed: int) -> np.ndarray:
+    """Shifts (N, draws, 3) [m] of fixes, level, in directions that are drawn."""
+    heading = np.random.default_rng([seed, 7]).uniform(0, 2 * np.pi, draws)
+    level = np.stack([np.sin(heading), np.zeros(draws), np.cos(heading)], axis=1)
+    return rate_mps * np.maximum(times_s - ONSET_S, 0)[:, None, None] * level
+
+
+class Judged(NamedTuple):
+    """Of every draw: whether a clean flight alarms, and by rate the delay [s], inf where missed."""
+
+    false_alarms: np.ndarray
+    delays_s: dict[float, np.ndarray]
+    nis_mean: float
+
+
+def judge(monitor: Monitor, flown: Filtered, threshold: float, seed: int) -> Judged:
+    """Alarms of one flight's draws at a threshold; draws that alarm before the onset have no delay (NaN)."""
+    fixes, draws = flown.record, flown.innovations.shape[1]
+    clean = statistics(monitor.statistic, fixes, flown.innovations) > threshold
+    before = clean[fixes.times_s <= ONSET_S].any(axis=0)
+    delays = {}
+    for rate in RATES_MPS:
+        change = shifted(fixes, carried_off(fixes.times_s, rate, draws, seed))
+        alarms = statistics(monitor.statistic, fixes, flown.innovations + change) > threshold
+        alarms[fixes.times_s <= ONSET_S] = False
+        delay = np.where(alarms.any(axis=0), fixes.times_s[alarms.argmax(axis=0)] - ONSET_S, np.inf)
+        delays[rate] = np.where(before, np.nan, delay)
+    nis = normalised_innovations_squared(flown.innovations, fixes.innovation_covariances_m2[:, None])
+    return Judged(clean.any(axis=0), delays, float(nis.mean()))
+
+
+def judged(
+    name: str, flights: Sequence[Flight], factors: dict[str, Factors], draws: int
+) -> Iterator[tuple[str, list[Judged]]]:
+    """What a monitor makes of all flights, for both rates of false alarms."""
+    monitor = MONITORS[name]
+    of_rates: dict[str, list[Judged]] = {"5 % a flight": [], "1 an hour": []}
+    for seed, flight in enumerate(flights):
+        flown = filtered(
+            flight.motions, factors[monitor.flow], draws, seed, monitor.receiver, monitor.modelled
+        )
+        rng = np.random.default_rng([seed, 3])
+        maxima = white_maxima(monitor.statistic, flown.record, THRESHOLD_DRAWS, rng)
+        for rate, per_hour in (
+            ("5 % a flight", -np.log1p(-A_FLIGHT) / flight.seconds * 3600),
+            ("1 an hour", 1.0),
+        ):
+            threshold = false_alarm_threshold(maxima, flight.seconds, per_hour)
+            of_rates[rate].append(judge(monitor, flown, threshold, seed))
+    yield from of_rates.items()
+
+
+def records_of(
+    name: str, rate: str, found: list[Judged], flights: Sequence[Flight], kind: str, model: str, draws: int
+) -> Iterator[Record]:
+    """Figures over all flights, and a line of them."""
+    seconds = float(np.mean([f.seconds for f in flights]))
+    note = {"flow": kind, "monitor": name, "allowed": rate, "seconds": f"{seconds:.0f}", "onset_s": ONSET_S}
+    count = draws * len(flights)
+    keys = ("all", model, None, None, "lcmsac", count, 0)
+    false = np.concatenate([j.false_alarms for j in found])
+    share = float(false.mean())
+    text = f"{name:38} {rate:13} NIS {np.mean([j.nis_mean for j in found]):5.2f} clean alarms {share:.3f} |"
+    yield Record("nis_mean", np.mean([j.nis_mean for j in found]), "", *keys, protocol(**note))
+    yield Record("false_alarm_fraction", share, "", *keys, protocol(**note))
+    per_hour = -np.log1p(-share) / seconds * 3600 if share < 1 else np.inf
+    yield Record("false_alarms_per_hour", per_hour, "1/h", *keys, protocol(**note))
+    for speed in RATES_MPS:
+        delays = np.concatenate([j.delays_s[speed] for j in found])
+        delays = delays[~np.isnan(delays)]
+        at = protocol(**note, rate_mps=speed)
+        missed = float(np.isinf(delays).mean()) if len(delays) else 1.0
+        quantiles = np.quantile(delays, [0.5, 0.9], method="higher") if len(delays) else [np.inf, np.inf]
+        for which, value in zip(("median", "p90"), quantiles):
+            yield Record("detection_delay_s", value, "s", *keys, f"{at}; quantile={which}")
+        yield Record("missed_fraction", missed, "", *keys, at)
+        text += f" {speed:g}: {quantiles[0]:.1f} ({quantiles[1]:.1f}) {missed:.3f}"
+    print(text, flush=True)
+
+
+def answers(
+    flights: Sequence[Flight], factors: dict[str, Factors], draws: int, model: str, kind: str
+) -> Iterator[Record]:
+    """How far off positions are under attack: with the answer to the alarm, by a gate, and undisturbed."""
+    ways_off: dict[tuple[str, float], list[tuple[float, ...]]] = {}
+    for seed, flight in enumerate(flights):
+        for speed in RATES_MPS:
+
+            def flown(
+                flow: str,
+                taken: np.ndarray | None = None,
+                gate: float | None = None,
+                at: tuple[Flight, int, float] = (flight, seed, speed),
+            ) -> Filtered:
+                of, number, rate = at
+                fixes_s = np.arange(1, round(of.seconds * 5) + 1) / 5
+                shift_m = carried_off(fixes_s, rate, draws, number)
+                return filtered(
+                    of.motions, factors[flow], draws, number, shift_m=shift_m, taken=taken, gate=gate
+                )
+
+            fooled = flown("given-rotation")
+            fixes, per_hour = fooled.record, -np.log1p(-A_FLIGHT) / 33.0 * 3600
+            maxima = drawn_maxima(fixes, THRESHOLD_DRAWS, np.random.default_rng([seed, 5]))
+            threshold = false_alarm_threshold(maxima, flight.seconds, per_hour)
+            own = [
+                GpsInnovations(**vars(fixes) | {"innovations_m": fooled.innovations[:, d]})
+                for d in range(draws)
+            ]
+            alarms = [ramp_alarm(one, threshold) for one in own]
+            taken = np.stack([trusted_fixes(fixes.times_s, alarm) for alarm in alarms], axis=1)
+            answered = flown("given-rotation", taken)
+            gate = chi2(3).isf(-np.expm1(np.log1p(-A_FLIGHT) / round(33.0 * 5)))
+            gated, vins = flown("given-rotation", gate=gate), flown("vins-weights")
+            for d, alarm in enumerate(alarms):
+                if alarm is None or alarm.time_s <= ONSET_S:
+                    continue
+                now = int(np.searchsorted(fixes.times_s, alarm.time_s))
+                later = slice(now, now + 150)  # 30 s
+                for name, run in (
+                    ("answered", answered),
+                    ("gate", gated),
+                    ("undisturbed", fooled),
+                    ("vins", vins),
+                ):
+                    off = np.linalg.norm(run.errors[:, d], axis=1)
+                    values = (off[now], off[later].max(), alarm.onset_s - ONSET_S)
+                    ways_off.setdefault((name, speed), []).append(values)
+    for (name, speed), values in sorted(ways_off.items()):
+        at, most, onset = np.array(values).T
+        told = [f"{np.median(q):.2f} ({np.quantile(q, 0.9):.2f})" for q in (at, most)]
+        print(
+            f"{name:12} {speed:g} m/s: at the alarm {told[0]} m, worst of 30 s {told[1]} m, "
+            f"onset off by {np.median(onset):+.1f} s ({onset.std():.1f})",
+            flush=True,
+        )
+        note = protocol(flow=kind, way=name, rate_mps=speed, seconds_after=30)
+        keys = ("all", model, None, None, "lcmsac", len(at), 0)
+        for metric, quantity in (("position_at_alarm_m", at), ("position_within_30s_m", most)):
+            for which, q in (("median", 0.5), ("p90", 0.9)):
+                yield Record(metric, float(np.quantile(quantity, q)), "m", *keys, f"{note}; quantile={which}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--cache", type=Path, help="motions of over_time.py; drawn ones without")
+    parser.add_argument("--model", default="lucas-kanade")
+    parser.add_argument("--flights", type=int, default=20, help="drawn flights")
+    parser.add_argument(
+        "--seconds", type=float, default=33.0, help="of a drawn flight; measured ones: at least 30"
+    )
+    parser.add_argument("--draws", type=int, default=12)
+    parser.add_argument("--monitors", nargs="+", default=list(MONITORS), choices=list(MONITORS))
+    parser.add_argument("--answers", type=int, default=2, help="flights of 60 s on which alarms are answered")
+    options = parser.parse_args()
+    model = load_likelihood(options.model)
+    stays = model.shared_errors.over_time
+    factors = ways(model, stays)
+    if options.cache is not None:
+        flights, kind = list(measured_flights(options.cache, options.model, 29.9)), "measured"
+    else:
+        flights = [drawn_flight(seed, options.seconds, stays) for seed in range(options.flights)]
+        kind = "drawn"
+    if not flights:
+        raise SystemExit(f"{options.cache}: no flight of 30 s")
+    records: list[Record] = []
+    for name in options.monitors:
+        for rate, found in judged(name, flights, factors, options.draws):
+            records += records_of(name, rate, found, flights, kind, options.model, options.draws)
+    if options.answers:
+        if options.cache is None:
+            flights = [drawn_flight(1000 + seed, 60.0, stays) for seed in range(options.answers)]
+        records += answers(flights[: options.answers], factors, options.draws, options.model, kind)
+    options.out.mkdir(parents=True, exist_ok=True)
+    write_records(options.out / "metrics.json", records)
+
+
+if __name__ == "__main__":
+    main()
