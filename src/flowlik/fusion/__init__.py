@@ -1,5 +1,6 @@
-"""Motions beside other sensors: factors of a graph, and a monitor that tells when GPS lies."""
+"""Motions beside other sensors: a smoother of IMU, flow and GPS, and a monitor that tells when GPS lies."""
 
+from flowlik.fusion.fuse import Fused, fuse
 from flowlik.fusion.gtsam_factor import gtsam_factor
 from flowlik.fusion.innovations import GpsInnovations
 from flowlik.fusion.integrity import (
@@ -11,14 +12,24 @@ from flowlik.fusion.integrity import (
     windowed_nis,
 )
 from flowlik.fusion.ramp_test import RampAlarm, RampTest, ramp_alarm, ramp_test
+from flowlik.fusion.smoother import FixedLagSmoother
+from flowlik.fusion.state import ColouredGps, FusedState, FusionSettings, GpsFix, ImuSegment
 
 __all__ = [
+    "ColouredGps",
+    "FixedLagSmoother",
+    "Fused",
+    "FusedState",
+    "FusionSettings",
+    "GpsFix",
     "GpsInnovations",
+    "ImuSegment",
     "RampAlarm",
     "RampTest",
     "block_maxima",
     "drawn_maxima",
     "false_alarm_threshold",
+    "fuse",
     "gtsam_factor",
     "normalised_innovations_squared",
     "ramp_alarm",

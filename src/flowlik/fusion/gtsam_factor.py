@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from flowlik.geometry.motion import adjoint, skew
+from flowlik.geometry.motion import skew
 from flowlik.odometry import FlowFactor
 from flowlik.support.arrays import Array
 from flowlik.support.extras import extra
@@ -44,13 +44,15 @@ def gtsam_factor(factor: FlowFactor, previous: int, current: int, T_b_c: RigidTr
         If GTSAM is not installed.
     """
     gtsam = extra("gtsam", "a GTSAM factor")
-    T_b_c = RigidTransform.identity() if T_b_c is None else T_b_c
     # exp(xi) T_k_prev has the inverse Z exp(-xi), and B Z exp(-xi) B^-1 = B Z B^-1 exp(-Ad(B) xi)
-    measured = T_b_c * factor.T_k_prev.inv() * T_b_c.inv()
-    back = adjoint(T_b_c.inv())
+    measured, back = gtsam.Pose3(factor.T_k_prev.as_matrix()).inverse(), np.eye(6)
+    if T_b_c is not None:
+        B = gtsam.Pose3(T_b_c.as_matrix())
+        measured = B * measured * B.inverse()
+        back = B.inverse().AdjointMap()
     information = back.T @ _information(factor) @ back
     noise = gtsam.noiseModel.Gaussian.Information((information + information.T) / 2)
-    return gtsam.BetweenFactorPose3(previous, current, gtsam.Pose3(measured.as_matrix()), noise)
+    return gtsam.BetweenFactorPose3(previous, current, measured, noise)
 
 
 def _information(factor: FlowFactor) -> Array:

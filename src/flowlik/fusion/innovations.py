@@ -13,7 +13,8 @@ ATTITUDE, VELOCITY, POSITION, GYROSCOPE_BIAS, ACCELEROMETER_BIAS, GPS_BIAS = (
 
 Attitude [rad] is the right perturbation ``R_n_b exp(theta)``, thus in the body's axes, which are the IMU's;
 velocity [m/s] and position [m] of the body are in {n}; biases of gyroscope [rad/s] and accelerometer [m/s²]
-in {b}; where GPS has coloured errors, their bias [m] in {n} comes last.
+in {b}; where GPS has coloured errors, their bias in {n} comes last, in the unit that `observations` turns
+into metres: the smoother's is the standard deviation that a fix states for it.
 """
 
 
