@@ -163,13 +163,16 @@ def test_turning_about_the_vertical_and_banked_turns_are_no_degrees():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (GPS.replace("x_n_m", "lat_deg"), "columns time_s, lat_deg, .* but expected time_s, x_n_m"),
-        (GPS.partition("\n")[0] + "\n", "no fix"),
-        ("", "columns none"),
+        (GPS.replace("x_n_m", "lat_deg"), "unknown column 'lat_deg'; known are time, latitude"),
+        (GPS.replace("sigma_y_m,", "sigma_y,"), "no unit in column 'sigma_y'; known are m, mm"),
+        (GPS.replace("sigma_y_m", "sigma_y_km"), "unit 'km' of column 'sigma_y_km' is not read"),
+        (GPS.replace("sigma_y_m", "x_n_mm"), "no column sigma_y with its unit, such as sigma_y_m"),
+        (GPS.partition("\n")[0] + "\n", "no row under its names"),
+        ("", "empty, but expected a row of columns' names"),
         (GPS.replace("4,5", "4,nan"), "line 3: 'nan' is not a finite number"),
         (GPS.replace("4,5", "4"), "line 3: 6 columns"),
         (GPS.replace("0.2", "0.0"), "times must increase"),
-        (GPS.replace("6,1.5", "6,0"), "line 3: a standard deviation is not positive"),
+        (GPS.replace("6,1.5", "6,0"), "a standard deviation of fix 1 is not positive"),
     ],
 )
 def test_bad_tables_of_gps(tmp_path, text, message):

@@ -16,8 +16,16 @@ from flowlik.datasets._masked import masked
 from flowlik.datasets._resized import resized
 from flowlik.datasets.agreement import truth_doubts
 from flowlik.datasets.base import ImageSequence, frame_pairs, mask_of
-from flowlik.datasets.gps import GpsFixes, read_gps
-from flowlik.datasets.inertial import ImuNoise, ImuSamples, check_imu, read_euroc_imu, read_tartanair_imu
+from flowlik.datasets.gps import GpsFixes, check_geodetic, read_gps
+from flowlik.datasets.imu import read_imu
+from flowlik.datasets.inertial import (
+    ImuNoise,
+    ImuSamples,
+    check_imu,
+    read_euroc_imu,
+    read_imu_noise,
+    read_tartanair_imu,
+)
 from flowlik.datasets.selection import select_frames
 from flowlik.datasets.uncertainty_file import read_uncertainty
 from flowlik.errors import DataError
@@ -33,6 +41,7 @@ __all__ = [
     "ImuNoise",
     "ImuSamples",
     "Lens",
+    "check_geodetic",
     "check_imu",
     "frame_pairs",
     "guess_format",
@@ -43,6 +52,8 @@ __all__ = [
     "read_euroc_imu",
     "read_gps",
     "read_grey",
+    "read_imu",
+    "read_imu_noise",
     "read_mask",
     "read_tartanair_imu",
     "read_uncertainty",

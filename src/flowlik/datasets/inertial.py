@@ -102,7 +102,7 @@ def read_euroc_imu(folder: Path | str) -> ImuSamples:
     if not found or (found[0] == folder and folder.name != "imu0"):
         raise DataError(f"{folder}: no imu0/data.csv, not a sequence with an IMU in EuRoC's layout")
     place = found[0]
-    noise = _read_noise(place / "sensor.yaml")
+    noise = read_imu_noise(place / "sensor.yaml")
     T_b_i = read_T_b_c(place / "sensor.yaml")
     path = place / "data.csv"
     _check_header(path)
@@ -195,6 +195,29 @@ def check_imu(samples: ImuSamples, where: str) -> None:
         raise DataError(f"{where}: angular rates of up to {most:.3g} cannot be rad/s: in degrees?")
 
 
+def read_imu_noise(path: Path | str) -> ImuNoise:
+    """Read an IMU's four noise densities of a YAML file, in the names of EuRoC's and Kalibr's.
+
+    Raises
+    ------
+    DataError
+        If the file is missing or no YAML, or a density is missing, negative or no number.
+    """
+    text = read_text(path)
+    try:
+        values = parse_mappings(text)[0]
+        found = {name: number_of(values[name], name) for name in _NOISE if name in values}
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from error
+    missing = [name for name in _NOISE if name not in found]
+    if missing:
+        raise DataError(f"{path}: {missing[0]} is missing; a filter needs it, and there is no default")
+    negative = [name for name, value in found.items() if value < 0]
+    if negative:
+        raise DataError(f"{path}: {negative[0]} is negative")
+    return ImuNoise(**found)
+
+
 def _turns_at_rest(rate: Array, force: Array, count: int) -> bool:
     """Whether the gyroscope tells of tilting while the specific force rests at gravity, in windows of 1 s."""
     windows = len(rate) // count if count >= 10 else 0
@@ -210,22 +233,6 @@ def _turns_at_rest(rate: Array, force: Array, count: int) -> bool:
         return False
     tilting = np.linalg.norm(np.cross(w[at_rest], mean[at_rest]), axis=1) / size[at_rest]
     return bool(np.median(tilting) > 0.35)
-
-
-def _read_noise(path: Path) -> ImuNoise:
-    text = read_text(path)
-    try:
-        values = parse_mappings(text)[0]
-        found = {name: number_of(values[name], name) for name in _NOISE if name in values}
-    except DataError as error:
-        raise DataError(f"{path}: {error}") from error
-    missing = [name for name in _NOISE if name not in found]
-    if missing:
-        raise DataError(f"{path}: {missing[0]} is missing; a filter needs it, and there is no default")
-    negative = [name for name, value in found.items() if value < 0]
-    if negative:
-        raise DataError(f"{path}: {negative[0]} is negative")
-    return ImuNoise(**found)
 
 
 def _check_header(path: Path) -> None:
