@@ -69,8 +69,10 @@ def drawn_flight(seed: int, seconds: float, stays: OverTime) -> Flight:
     true = [relative_motion(poses[k], poses[k + 1]) for k in range(count)]
     C = CORRELATION * np.outer(SIGMA, SIGMA) * np.exp(0.4 * rng.standard_normal())
     gain, left = given_rotation(C)
-    turns = _persistent(count, stays.full, rng) @ np.linalg.cholesky(C[:3, :3]).T
-    moves = turns @ gain.T + _persistent(count, stays.given_rotation, rng) @ np.linalg.cholesky(left).T
+    turns = persistent(count, INTERVAL_S, stays.full, rng) @ np.linalg.cholesky(C[:3, :3]).T
+    moves = (
+        turns @ gain.T + persistent(count, INTERVAL_S, stays.given_rotation, rng) @ np.linalg.cholesky(left).T
+    )
     errors = np.hstack([turns, moves])
     estimated = [EgoMotion(exp_se3(e) * T, np.zeros((6, 6)), C, Status.SOLVED) for e, T in zip(errors, true)]
     return Flight(f"drawn-{seed}", Motions(estimated, true))
@@ -93,9 +95,9 @@ def _path(count: int, rng: np.random.Generator) -> RigidTransform:
     return RigidTransform.from_components(positions[0], level).inv() * poses
 
 
-def _persistent(count: int, stays: Persistence, rng: np.random.Generator) -> np.ndarray:
+def persistent(count: int, interval_s: float, stays: Persistence, rng: np.random.Generator) -> np.ndarray:
     """Errors (N, 3) in stated deviations, of which a share stays."""
-    kept = np.exp(-INTERVAL_S / stays.memory_s)
+    kept = np.exp(-interval_s / stays.memory_s)
     driven = rng.standard_normal((count, 3)) * np.sqrt(1 - kept**2)
     driven[0] /= np.sqrt(1 - kept**2)
     for k in range(1, count):

@@ -14,6 +14,7 @@ from flowlik.fusion.integrity import (
 from flowlik.fusion.ramp_test import RampAlarm, RampTest, ramp_alarm, ramp_test
 from flowlik.fusion.smoother import FixedLagSmoother
 from flowlik.fusion.state import ColouredGps, FusedState, FusionSettings, GpsFix, ImuSegment
+from flowlik.fusion.time_offset import TimeOffset, estimate_time_offset
 
 __all__ = [
     "ColouredGps",
@@ -26,8 +27,10 @@ __all__ = [
     "ImuSegment",
     "RampAlarm",
     "RampTest",
+    "TimeOffset",
     "block_maxima",
     "drawn_maxima",
+    "estimate_time_offset",
     "false_alarm_threshold",
     "fuse",
     "gtsam_factor",
