@@ -28,6 +28,7 @@ from flowlik.datasets.inertial import (
 )
 from flowlik.datasets.selection import select_frames
 from flowlik.datasets.uncertainty_file import read_uncertainty
+from flowlik.datasets.velodyne import read_kitti_lidar_place, read_velodyne
 from flowlik.errors import DataError
 
 if TYPE_CHECKING:
@@ -54,9 +55,11 @@ __all__ = [
     "read_grey",
     "read_imu",
     "read_imu_noise",
+    "read_kitti_lidar_place",
     "read_mask",
     "read_tartanair_imu",
     "read_uncertainty",
+    "read_velodyne",
     "resized",
     "select_frames",
     "truth_doubts",

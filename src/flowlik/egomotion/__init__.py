@@ -1,5 +1,6 @@
 """Ego-motion from flow: residuals, one estimator, and its result."""
 
+from flowlik.egomotion.depth_errors import with_depth_errors
 from flowlik.egomotion.epipolar import Epipolar
 from flowlik.egomotion.estimator import Estimator
 from flowlik.egomotion.inlier_rules import ByComponent, ByVector
@@ -24,4 +25,5 @@ __all__ = [
     "log_prob",
     "mle",
     "ransac",
+    "with_depth_errors",
 ]

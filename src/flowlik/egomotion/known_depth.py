@@ -21,13 +21,18 @@ from flowlik.support.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class KnownDepth:
-    """Flow of points of known depth: two eigen-components a vector, z = R_e_i (y - h)."""
+    """Flow of points of known depth: two eigen-components a vector, z = R_e_i (y - h).
+
+    Where depths err, errors are divided by how much wider that makes them: ``widened`` (N, 2), of
+    `flowlik.egomotion.with_depth_errors`.
+    """
 
     metric: ClassVar[bool] = True
     measurements: Measurements
     camera: Pinhole
     rho: Array
     excluded: dict[str, int] = field(default_factory=dict)
+    widened: Array | None = None
 
     @classmethod
     def of(cls, measurements: Measurements, camera: Pinhole, depth_z: Array) -> KnownDepth:
@@ -67,7 +72,9 @@ class KnownDepth:
 
     def __post_init__(self) -> None:
         m, c = self.measurements, self.camera
-        arrays = (c.p2v(m.pixels), self.rho, m.pixels + m.flow, m.R_i_e)
+        # the kernels turn errors into the eigenbasis: what widens them is one with that
+        R_i_e = m.R_i_e if self.widened is None else m.R_i_e / self.widened[:, None]
+        arrays = (c.p2v(m.pixels), self.rho, m.pixels + m.flow, R_i_e)
         object.__setattr__(self, "_points", tuple(np.ascontiguousarray(a) for a in arrays))
         object.__setattr__(self, "_camera", (c.fx, c.fy, c.cx, c.cy))
         object.__setattr__(self, "_directions", np.swapaxes(m.R_i_e, 1, 2).reshape(-1, 2))
@@ -131,7 +138,8 @@ class ThreePoint:
     def among(self, which: NDArray[np.bool_]) -> KnownDepth:
         """Return the residual of some of the vectors (N,) alone."""
         r = self.residual
-        return KnownDepth(r.measurements.select(which), r.camera, r.rho[which], r.excluded)
+        widened = None if r.widened is None else r.widened[which]
+        return KnownDepth(r.measurements.select(which), r.camera, r.rho[which], r.excluded, widened)
 
     def coordinates(self, index: Index) -> Array:
         """Coordinates x (N, 2) of the eigen-components."""

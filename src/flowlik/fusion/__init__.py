@@ -11,6 +11,7 @@ from flowlik.fusion.integrity import (
     trusted_fixes,
     windowed_nis,
 )
+from flowlik.fusion.lidar import LidarNoise, SparseDepth, lidar_motion, lidar_residual, sparse_depth
 from flowlik.fusion.ramp_test import RampAlarm, RampTest, ramp_alarm, ramp_test
 from flowlik.fusion.smoother import FixedLagSmoother
 from flowlik.fusion.state import ColouredGps, FusedState, FusionSettings, GpsFix, ImuSegment
@@ -25,8 +26,10 @@ __all__ = [
     "GpsFix",
     "GpsInnovations",
     "ImuSegment",
+    "LidarNoise",
     "RampAlarm",
     "RampTest",
+    "SparseDepth",
     "TimeOffset",
     "block_maxima",
     "drawn_maxima",
@@ -34,9 +37,12 @@ __all__ = [
     "false_alarm_threshold",
     "fuse",
     "gtsam_factor",
+    "lidar_motion",
+    "lidar_residual",
     "normalised_innovations_squared",
     "ramp_alarm",
     "ramp_test",
+    "sparse_depth",
     "trusted_fixes",
     "windowed_nis",
 ]
