@@ -27,7 +27,7 @@ from flowlik.odometry import FlowFactor
 from flowlik.support.arrays import Array
 from flowlik.support.extras import extra
 
-RELINEARISED_BEYOND = 0.05
+RELINEARISED_BEYOND = 0.02
 """Change of an estimate [rad, m, m/s] beyond which its factors are linearised anew."""
 
 
@@ -80,7 +80,8 @@ class FixedLagSmoother:
         parameters.setFactorization("QR")
         parameters.setRelinearizeThreshold(RELINEARISED_BEYOND)
         parameters.relinearizeSkip = 1
-        self._smoother = gtsam.IncrementalFixedLagSmoother(settings.lag_s, parameters)
+        self._smoother = gtsam.IncrementalFixedLagSmoother(settings.lag_s + settings.alignment_s, parameters)
+        self._aligned_s = start.time_s + settings.alignment_s
         self._node, self._keys = 0, self._keys_of(0)
         self._fixes: list[_Innovation] = []
         graph, values = start_factors(gtsam, start, self._keys[:3])
@@ -138,6 +139,8 @@ class FixedLagSmoother:
             kept = float(np.exp(-(time_s - self._mark.time_s) / self.settings.coloured.memory_s))
             graph.add(gps_bias_factor(gtsam, (last, new[3]), kept))
             values.insert(new[3], kept * np.array(self._smoother.calculateEstimateVector(last)))
+        if time_s > self._aligned_s:
+            self._smoother.setSmootherLag(self.settings.lag_s)
         self._smoother.update(graph, values, dict.fromkeys(new, time_s))
         self.state = self._read(time_s)
         if marked:

@@ -130,6 +130,9 @@ class FusionSettings:
         What of GPS's errors stays.
     lag_s : float
         How far back [s] the smoother still moves its estimate.
+    alignment_s : float
+        First seconds in which the whole flight stays in the lag, so that a start that is hardly known is
+        linearised anew until it is.
     """
 
     gravity_n_mps2: Array
@@ -137,7 +140,10 @@ class FusionSettings:
     antenna_b_m: Array = field(default_factory=lambda: np.zeros(3))
     coloured: ColouredGps | None = None
     lag_s: float = 1.0
+    alignment_s: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0 < self.lag_s < np.inf:
             raise DataError(f"a smoother needs a lag above 0 s, not {self.lag_s:g}")
+        if not 0 <= self.alignment_s < np.inf:
+            raise DataError(f"an alignment of {self.alignment_s:g} s")
