@@ -228,6 +228,33 @@ def without_truth(rng, B=12, L=4, F=5):
     }
 
 
+def innovations(rng, G=30):
+    t = np.arange(G) / 5
+    sigma = np.full((G, 3), 1.6)
+    values = sigma * rng.standard_normal((G, 3))
+    return {
+        "timestamps": t,
+        "innovations": values,
+        "sigma": sigma,
+        "nis": ((values / sigma) ** 2).sum(axis=1),
+        "statistic": np.cumsum(rng.random(G)),
+        "threshold": np.array(12.0),
+        "alarm": np.array([4.8, 2.0, 2.6]),
+    }
+
+
+def biases(rng, N=40):
+    sigma = np.outer(1 / np.sqrt(1 + np.arange(N)), [0.01] * 3 + [0.1] * 3)
+    return {"timestamps": np.arange(N) / 10, "values": sigma * rng.standard_normal(6), "sigma": sigma}
+
+
+def contributions(rng, N=40):
+    grown = np.array([1.0, 2.0, 4.0])[:, None] * (0.01 + 0.02 * rng.random(N))
+    names = np.array(["all", "without flow", "without GPS"])
+    parts = {part: grown for part in ("attitude", "velocity", "position")}
+    return {"timestamps": np.arange(N) / 10, "names": names, **parts}
+
+
 MAKERS = {
     "uncertainty": uncertainty,
     "flow-sequence": flow_sequence,
@@ -243,6 +270,9 @@ MAKERS = {
     "bias": bias,
     "eigenbasis": eigenbasis,
     "trajectories": trajectories,
+    "innovations": innovations,
+    "biases": biases,
+    "contributions": contributions,
     "frame-errors": frame_errors,
     "segment-errors": segment_errors,
     "intrinsics": intrinsics,

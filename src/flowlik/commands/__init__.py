@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from flowlik.commands._drift import drift as drift
     from flowlik.commands._evaluate import evaluate as evaluate
     from flowlik.commands._flow import flow as flow
+    from flowlik.commands._fuse import fuse as fuse
     from flowlik.commands._kitti import find_table_sequences as find_table_sequences
     from flowlik.commands._kitti import kitti_table as kitti_table
     from flowlik.commands._models import models as models
@@ -29,6 +30,7 @@ __all__, __getattr__, __dir__ = lazily(
         "_drift": "drift",
         "_evaluate": "evaluate",
         "_flow": "flow",
+        "_fuse": "fuse",
         "_kitti": "find_table_sequences kitti_table",
         "_models": "models summary",
         "_odometry": "odometry",

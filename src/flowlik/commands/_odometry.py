@@ -74,7 +74,7 @@ def odometry(
     MissingExtraError
         If a bag is asked for and rosbags is not installed.
     """
-    flow, estimator = _choose(options)
+    flow, estimator = choose(options)
     if options.scale not in SCALES:
         raise DataError(f"unknown scale source {options.scale!r}: known are {', '.join(SCALES)}")
     if options.boresight not in ("none", "causal"):
@@ -83,8 +83,8 @@ def odometry(
         extra("rosbags", "--save-bag")
     elif options.bag_unscaled:
         raise DataError("--save-bag-unscaled says what --save-bag writes: give both")
-    sequence, skipped = _opened(data, options, flow, progress)
-    kind = _residual_kind(sequence, options.residual)
+    sequence, skipped = opened_frames(data, options, flow, progress)
+    kind = residual_kind(sequence, options.residual)
     options = replace(options, residual=kind)
     source = scale_source(options.scale, sequence, options.camera_height_m)
     if kind == "depth" and options.self_calibrate:
@@ -112,10 +112,16 @@ def odometry(
     return run
 
 
-def _opened(
+def opened_frames(
     data: Path, options: OdometryOptions, flow: FlowMethod, progress: Progress
 ) -> tuple[Selection, list[Skipped]]:
-    """Frames that the options choose of a data set, and those that cannot be used."""
+    """Frames that the options choose of a data set, and those that cannot be used.
+
+    Raises
+    ------
+    DataError
+        If it is no data set, or has no such frames.
+    """
     lenient = options.skip_bad_frames
     opened = open_sequence(
         data, options.format, options.camera, options.frames_per_second, lenient, options.topic,
@@ -168,7 +174,7 @@ def _write_files(folder: Path, flown: Flown, options: OdometryOptions) -> None:
         write_intrinsics(folder / "intrinsics.csv", flown.robot.intrinsics, frames)
 
 
-def _choose(options: OdometryOptions) -> tuple[FlowMethod, Estimator]:
+def choose(options: OdometryOptions) -> tuple[FlowMethod, Estimator]:
     """Flow method and estimator of the options of a run.
 
     Raises
@@ -198,7 +204,14 @@ def _choose(options: OdometryOptions) -> tuple[FlowMethod, Estimator]:
     return flow, (lcmsac if estimator == "lcmsac" else mle)(likelihood, gate=gate)
 
 
-def _residual_kind(sequence: ImageSequence, asked: str | None) -> ResidualKind:
+def residual_kind(sequence: ImageSequence, asked: str | None) -> ResidualKind:
+    """The residual that is asked for, or else known depth where the data has it.
+
+    Raises
+    ------
+    DataError
+        If there is no such residual.
+    """
     if asked not in (None, "depth", "epipolar"):
         raise DataError(f"unknown residual {asked!r}: known are depth, epipolar")
     if asked is not None:

@@ -1,4 +1,4 @@
-"""Small YAML files about a body with sensors: its state at the start, an IMU's turn-on biases, where sensors sit."""
+"""Small YAML files about a body: its state at the start, an IMU's turn-on biases, where sensors sit."""
 
 from __future__ import annotations
 
@@ -75,7 +75,8 @@ def read_turn_on(path: Path | str) -> tuple[float, float]:
     for name in ("gyroscope_turn_on_sd", "accelerometer_turn_on_sd"):
         if name not in values:
             raise DataError(
-                f"{path}: {name} is missing: how large the IMU's biases may be at the start; there is no default"
+                f"{path}: {name} is missing: how large the IMU's biases may be at the start; there is no "
+                "default"
             )
         value = _number(values[name], name, path)
         if value <= 0:

@@ -1,6 +1,7 @@
 """Motions beside other sensors: a smoother of IMU, flow and GPS, and a monitor that tells when GPS lies."""
 
-from flowlik.fusion.fuse import Fused, fuse
+from flowlik.fusion.alignment import TurnOn, coarse_start, heading_sigma_rad
+from flowlik.fusion.fuse import Fused, covers, fuse
 from flowlik.fusion.gtsam_factor import gtsam_factor
 from flowlik.fusion.innovations import GpsInnovations
 from flowlik.fusion.integrity import (
@@ -31,12 +32,16 @@ __all__ = [
     "RampTest",
     "SparseDepth",
     "TimeOffset",
+    "TurnOn",
     "block_maxima",
+    "coarse_start",
+    "covers",
     "drawn_maxima",
     "estimate_time_offset",
     "false_alarm_threshold",
     "fuse",
     "gtsam_factor",
+    "heading_sigma_rad",
     "lidar_motion",
     "lidar_residual",
     "normalised_innovations_squared",

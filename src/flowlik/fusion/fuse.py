@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -61,6 +61,20 @@ class Fused:
     def trajectory(self) -> Trajectory:
         """Poses ``T_n_b`` of the frames."""
         return Trajectory(self.times_s, RigidTransform.concatenate([state.T_n_b for state in self.states]))
+
+    def after(self, time_s: float) -> Fused:
+        """Return the flight from a time [s] on: its states and innovations there."""
+        told = self.innovations
+        late = told.times_s > time_s
+        kept = GpsInnovations(*(getattr(told, field.name)[late] for field in fields(told)))
+        states = tuple(state for state in self.states if state.time_s >= time_s - 1e-6)
+        return replace(self, states=states, innovations=kept)
+
+    def then(self, other: Fused, time_s: float) -> Fused:
+        """Return this flight until a time [s], and another's states after it."""
+        states = [state for state in self.states if state.time_s <= time_s]
+        states += [state for state in other.states if state.time_s > time_s]
+        return replace(self, states=tuple(states))
 
 
 class _Node:
@@ -126,6 +140,12 @@ def fuse(
     return Fused(tuple(states), smoother.innovations, used, count)
 
 
+def covers(imu: ImuSamples, times_s: Array) -> NDArray[np.bool_]:
+    """Whether the IMU was on at times (N,) [s]: each sample stands for a period to either side."""
+    period_s = 1.001 * float(np.median(np.diff(imu.times_s)))
+    return np.asarray((times_s >= imu.times_s[0] - period_s) & (times_s <= imu.times_s[-1] + period_s))
+
+
 def imu_segments(imu: ImuSamples, times_s: Array) -> Iterator[ImuSegment]:
     """IMU between moments: samples are joined by straight lines.
 
@@ -146,8 +166,7 @@ def imu_segments(imu: ImuSamples, times_s: Array) -> Iterator[ImuSegment]:
         If the IMU does not cover them.
     """
     first, last = imu.times_s[0], imu.times_s[-1]
-    slack_s = 1e-6
-    if times_s[0] < first - slack_s or times_s[-1] > last + slack_s:
+    if not covers(imu, times_s).all():
         raise DataError(
             f"IMU from {time_text(first)} to {time_text(last)} s does not cover the frames from "
             f"{time_text(times_s[0])} to {time_text(times_s[-1])} s"

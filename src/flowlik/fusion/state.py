@@ -30,6 +30,11 @@ class FusedState:
     covariance : array (15, 15)
         Of the error state: attitude, velocity, position, both biases, as
         `flowlik.fusion.innovations` says.
+
+    Raises
+    ------
+    DataError
+        If the covariance has another shape.
     """
 
     time_s: float
@@ -101,6 +106,11 @@ class ColouredGps:
         Of the variance that a fix states, below 1.
     memory_s : float
         Time [s] within which the correlation falls to 1/e.
+
+    Raises
+    ------
+    DataError
+        If the share is not between 0 and 1, or the memory not above 0.
     """
 
     share: float
@@ -133,6 +143,11 @@ class FusionSettings:
     alignment_s : float
         First seconds in which the whole flight stays in the lag, so that a start that is hardly known is
         linearised anew until it is.
+
+    Raises
+    ------
+    DataError
+        If the lag is not above 0 s, or the alignment negative.
     """
 
     gravity_n_mps2: Array

@@ -205,7 +205,17 @@ def write_covariance(
     DataError
         If there is not one time more than motions, or the place cannot be written to.
     """
-    covariance = trajectory_covariance(trajectory.timestamps, motions, persistence)
+    write_covariances(folder, trajectory, trajectory_covariance(trajectory.timestamps, motions, persistence))
+
+
+def write_covariances(folder: Path, trajectory: Trajectory, covariance: TrajectoryCovariance) -> None:
+    """Write ``covariance.csv`` and ``trajectory.npz`` of a trajectory whose covariances are known.
+
+    Raises
+    ------
+    DataError
+        If the place cannot be written to.
+    """
     _write_covariance_csv(folder / "covariance.csv", covariance)
     _write_trajectory_npz(folder / "trajectory.npz", trajectory, covariance)
 

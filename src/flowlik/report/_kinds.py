@@ -23,6 +23,7 @@ from flowlik.report._draw_evidence import (
     draw_sparsification,
 )
 from flowlik.report._draw_flow import draw_sequence
+from flowlik.report._draw_fusion import draw_biases, draw_contributions, draw_innovations
 from flowlik.report._draw_gauntlet import draw_gauntlet
 from flowlik.report._draw_motion import draw_frame_errors, draw_trajectories
 from flowlik.report._draw_uncertainty import draw_uncertainty
@@ -220,6 +221,38 @@ FIGURES: dict[str, FigureKind] = {
         "Crosses are frames that the images did not tell: their motion is predicted.",
         {"names": "E", "positions": "E N 3", "timestamps": "N", "unit": ""},
         {"truth": "N 3", "unsolved": "E N"},
+    ),
+    "innovations": FigureKind(
+        draw_innovations,
+        "Does GPS agree with the rest?",
+        "Each dot is a fix minus where IMU, flow and the fixes before it said that the antenna would be, "
+        "along each axis; 95 % should lie in the grey band. NIS is its square over its covariance, all axes "
+        "together: 3 on average if all is honest (line), and one in twenty above the dashed line. Below, "
+        "how much more likely a slow drift of GPS is than none; beyond the red line there is an alarm. Red: "
+        "the alarm, and when the drift began.",
+        {"timestamps": "G", "innovations": "G 3", "sigma": "G 3", "nis": "G"},
+        {"statistic": "G", "threshold": "", "alarm": "3"},
+    ),
+    "biases": FigureKind(
+        draw_biases,
+        "Biases of the IMU",
+        "What is known of each axis' bias at every moment; the band holds 95 %. It narrows as flow and GPS "
+        "tell what the IMU alone cannot.",
+        {"timestamps": "N", "values": "N 6", "sigma": "N 6"},
+    ),
+    "contributions": FigureKind(
+        draw_contributions,
+        "What each sensor contributed",
+        "Stated standard deviations, all axes together, with everything, and as they would be without flow "
+        "or without GPS from the first state on. The wider the gap, the more that sensor tells; the IMU is "
+        "in all.",
+        {
+            "timestamps": "N",
+            "names": "V",
+            "attitude": "V N",
+            "velocity": "V N",
+            "position": "V N",
+        },
     ),
     "frame-errors": FigureKind(
         draw_frame_errors,

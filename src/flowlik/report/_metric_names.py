@@ -64,6 +64,22 @@ METRICS: dict[str, tuple[str, str]] = {
         "Known to half a pixel",
         "share of components whose interval reaches no further than half a pixel",
     ),
+    "flow_factor_fraction": ("Frames with flow", "share of frames whose flow was fused"),
+    "attitude_sigma_median_deg": ("Stated attitude", "standard deviation of all axes together, median"),
+    "velocity_sigma_median_mps": ("Stated velocity", "standard deviation of all axes together, median"),
+    "position_sigma_median_m": ("Stated position", "standard deviation of all axes together, median"),
+    "attitude_rms_deg": ("Attitude error", "root mean square"),
+    "position_rms_m": ("Position error", "root mean square, in the frame of GPS"),
+    "nis_mean": ("NIS", "squared innovations of GPS over their covariance; 3 if all is honest"),
+    "gps_alarms": ("Alarms of GPS", "whether the monitor found a drift"),
+    **{
+        f"information_share_{sensor}_{part}": (
+            f"Share of {name}: {part}",
+            f"of the information, what would be gone without {name}; median",
+        )
+        for sensor, name in (("flow", "flow"), ("gps", "GPS"))
+        for part in ("attitude", "velocity", "position")
+    },
     "unsolved_fraction": ("Unsolved frames", "share of frames without a motion"),
     "outside_fraction": (
         "Share outside the calibrated range",

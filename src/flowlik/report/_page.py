@@ -26,8 +26,8 @@ from flowlik.support.files import atomic_write, read_json, read_npz
 FLOWS = ("farneback", "lucas-kanade")
 PAGE = "report.html"
 FRONT_KINDS = (
-    "uncertainty", "trajectories", "frame-errors", "gauntlet", "error-over-texture", "segment-errors",
-    "goodness",
+    "uncertainty", "trajectories", "innovations", "frame-errors", "gauntlet", "error-over-texture",
+    "segment-errors", "goodness",
 )  # fmt: skip
 """Kinds that may stand at the head of the page, the first that a run has."""
 BARS = (

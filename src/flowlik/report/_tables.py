@@ -25,8 +25,15 @@ GROUPS: tuple[tuple[str, tuple[str, ...]], ...] = (
         "Ego-motion and drift",
         ("drift", "t_err", "r_err", "rpe", "trans", "rot", "unsolved", "error", "ratio"),
     ),
+    (
+        "Beside IMU and GPS",
+        ("flow_factor", "attitude_", "velocity_", "position_", "information_", "nis_", "gps_"),
+    ),
     ("Honesty of the stated covariance", ("nees",)),
-    ("Speed and memory", ("frames_per", "components_per", "pairs_per", "peak_memory", "seconds", "runtime")),
+    (
+        "Speed and memory",
+        ("frames_per", "components_per", "pairs_per", "peak_memory", "seconds", "runtime", "smoother_"),
+    ),
 )
 OTHER = "Other results"
 

@@ -20,6 +20,7 @@ from flowlik.report._judgements import (
     percent_range,
 )
 from flowlik.report._tables import format_value
+from flowlik.report._verdict_fusion import of_fusion
 from flowlik.report._verdict_motion import of_gauntlet, of_motion, of_pair
 from flowlik.report.names import LEARNED, PAPERS, data_name, model_name, name_of
 from flowlik.results.records import Record
@@ -42,6 +43,8 @@ def verdict_of(records: Sequence[Record], command: str = "") -> Verdict:
     metrics = {r.metric for r in known}
     if "grossly_wrong_rate" in metrics:
         return of_gauntlet(known)
+    if "flow_factor_fraction" in metrics:
+        return of_fusion(known)
     if "half_width_e1_median_px" in metrics:
         return of_pair(known)
     models = [
