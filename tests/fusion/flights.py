@@ -30,6 +30,7 @@ IMU = ImuModel(
     position_c_m=(0.1, -0.05, 0.2),
     rotation_c_i_rad=(0.3, -1.0, 0.4),
 )
+IDEAL = ImuModel(rate_hz=120.0, position_c_m=IMU.position_c_m, rotation_c_i_rad=IMU.rotation_c_i_rad)
 ANTENNA_C_M = (-0.4, -0.6, 0.3)
 GPS = GpsModel(position_c_m=ANTENNA_C_M)
 NOISE = ImuNoise(*(getattr(IMU, name) for name in ImuNoise.__annotations__))
@@ -82,11 +83,11 @@ def antenna_at(times_s):
     return motion_of(2.0).at(times_s).positions_n_m(ANTENNA_C_M)
 
 
-def drawn_flight(seed, seconds, form="given-rotation", gps=GPS):
+def drawn_flight(seed, seconds, form="given-rotation", gps=GPS, imu=IMU):
     """One draw of everything."""
     rng = np.random.default_rng(seed)
     motion = motion_of(seconds)
-    measured = simulate_imu(motion, IMU, seed)
+    measured = simulate_imu(motion, imu, seed)
     told = simulate_gps(motion, gps, seed)
     each = round(IMU.rate_hz / FRAMES_PER_SECOND)
     at = slice(None, None, each)
@@ -108,11 +109,11 @@ def drawn_flight(seed, seconds, form="given-rotation", gps=GPS):
         gain = FLOW[3:, :3] @ np.linalg.inv(FLOW[:3, :3])
         given = FlowFactor(form, T, FLOW[3:, 3:] - gain @ FLOW[:3, 3:], gain - skew(T.translation))
         flows.append(given if form == "given-rotation" else FlowFactor(form, T, FLOW, np.zeros((3, 3))))
-    imu = ImuSamples(
+    samples = ImuSamples(
         measured.times_s, measured.angular_rate_radps, measured.specific_force_mps2, NOISE, IMU.T_c_i
     )
     fixes = GpsFixes(told.times_s, told.positions_n_m, np.tile(told.sigma_m, (len(told.times_s), 1)))
-    return Flight(imu, fixes, start, flows, times_s, list(zip(R, v, p)))
+    return Flight(samples, fixes, start, flows, times_s, list(zip(R, v, p)))
 
 
 def fused(flight, coloured=None, fixes=None, lag_s=1.0):

@@ -132,9 +132,8 @@ def _integrated(imu: ImuSamples, times_s: Array, bias: Array) -> _Inertial:
     for segment in imu_segments(imu, times_s):
         turns = Rotation.from_rotvec((segment.rates_radps - bias) * segment.steps_s[:, None]).as_matrix()
         for step_s, turn, force in zip(segment.steps_s, turns, segment.forces_mps2):
-            after = R @ turn
-            a = (R @ force + after @ force) / 2
-            R, v, p = after, v + a * step_s, p + v * step_s + a * step_s**2 / 2
+            a = R @ force
+            R, v, p = R @ turn, v + a * step_s, p + v * step_s + a * step_s**2 / 2
         rows.append((R, v, p))
     return _Inertial(times_s - times_s[0], *(np.array(column) for column in zip(*rows)))
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.datasets.gps import GpsFixes
 from flowlik.datasets.inertial import ImuNoise, ImuSamples
@@ -178,11 +178,13 @@ def imu_segments(imu: ImuSamples, times_s: Array) -> Iterator[ImuSegment]:
     at = at[keep]
     measured = np.hstack([imu.angular_rate_radps, imu.specific_force_mps2])
     values = np.column_stack([np.interp(at, imu.times_s, column) for column in measured.T])
-    steps_s, means = np.diff(at), (values[:-1] + values[1:]) / 2
+    steps_s, rates = np.diff(at), (values[:-1, :3] + values[1:, :3]) / 2
+    later = Rotation.from_rotvec(rates * steps_s[:, None]).apply(values[1:, 3:])
+    forces = (values[:-1, 3:] + later) / 2
     ends = np.searchsorted(at, times_s)
     for begin, end in pairwise(ends):
         one = slice(begin, end)
-        yield ImuSegment(steps_s[one], means[one, :3], means[one, 3:], values[end, :3])
+        yield ImuSegment(steps_s[one], rates[one], forces[one], values[end, :3])
 
 
 def _noise(imu: ImuSamples) -> ImuNoise:

@@ -85,7 +85,7 @@ class ImuSegment:
     rates_radps : array (M, 3)
         Mean angular rate [rad/s] of each step, in {b}.
     forces_mps2 : array (M, 3)
-        Mean specific force [m/s²].
+        Mean specific force [m/s²] of each step, in the axes of its begin: GTSAM holds these over the step.
     last_rate_radps : array (3,)
         Angular rate [rad/s] at the end.
     """
