@@ -20,7 +20,7 @@ from flowlik.odometry.flow_factor import given_rotation
 from fused_over_time import GPS_PER_SECOND, GPS_SIGMA_M, INTERVAL_S, poses_of
 from over_time import FRAMES_PER_SECOND, Motions
 
-GPS_MEMORY_S = 60.0
+GPS_MEMORY_S, IMU_PER_SECOND = 60.0, 120.0
 
 # of one motion of Lucas-Kanade in the forest at 6 m/s: standard deviations [rad, m], and correlations
 SIGMA = np.array([4.6e-5, 7.4e-5, 3.3e-5, 4.3e-4, 2.8e-4, 5.8e-4])
@@ -148,7 +148,7 @@ def filtered(
     lies above the ``gate``, are left out. A receiver that is not ``modelled`` is taken as white. Equal seeds
     give the same IMU and the same honest errors of GPS, whatever the rest.
     """
-    imu, rng = Imu(), np.random.default_rng(seed)
+    imu, rng = Imu(IMU_PER_SECOND), np.random.default_rng(seed)
     truth = true_flight(*poses_of(motions), imu.rate_hz)
     rates, forces = drawn_imu(truth, imu, draws, rng)
     coloured = Coloured(receiver.coloured_m, GPS_MEMORY_S) if modelled and receiver.coloured_m else None

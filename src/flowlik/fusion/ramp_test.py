@@ -178,8 +178,8 @@ def _hypotheses(
         information += np.einsum("ila,ilb->lab", white, white)
         score += np.einsum("ila,id->lad", white, np.linalg.solve(root, runs[k].T))
         alive = (elapsed_s > 0) & (elapsed_s <= window_s * (1 + 1e-9))
-        rates = np.asarray(np.linalg.solve(information[alive], score[alive]), dtype=np.float64)
-        ratios = np.asarray((score[alive] * rates).sum(axis=1), dtype=np.float64)
+        rates = np.asarray(np.linalg.inv(information[alive]) @ score[alive], dtype=np.float64)
+        ratios = np.asarray(np.einsum("lad,lad->ld", score[alive], rates), dtype=np.float64)
         yield onsets_s[alive], ratios, rates, information[alive]
         slot = k % slots
         onsets_s[slot], shift[:, slot], information[slot], score[slot] = time_s, 0.0, 0.0, 0.0
