@@ -226,7 +226,7 @@ def answers(
         at, most, onset = np.array(values).T
         told = [f"{np.median(q):.2f} ({np.quantile(q, 0.9):.2f})" for q in (at, most)]
         print(
-            f"{name:12} {speed:g} m/s, {len(at)}: at the alarm {told[0]} m, worst of {AFTER_S:g} s {told[1]}, "
+            f"{name:12} {speed:g} m/s {len(at)}: at the alarm {told[0]} m, worst of {AFTER_S:g} s {told[1]}, "
             f"onset off by {np.median(onset):+.1f} s ({onset.std():.1f})",
             flush=True,
         )

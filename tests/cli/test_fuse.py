@@ -160,7 +160,7 @@ def test_without_gtsam_the_extra_is_named(sensed, tmp_path, monkeypatch):
 
 def test_every_option_reaches_the_command(monkeypatch, tmp_path):
     """Each is a parameter of the command line, under its own name or a shorter one, and is handed on."""
-    shorter = {"align": "align_s", "lag": "lag_s", "antenna": "antenna_m"}
+    shorter = {"align": "align_s", "lag": "lag_s", "antenna": "antenna_m", "imu_offset": "imu_offset_s"}
     parameters = set(inspect.signature(_fuse.run).parameters) - {"data", "out", "verbose", "json"}
     assert {shorter.get(name, name) for name in parameters} == {f.name for f in fields(FuseOptions)}
     seen = []
@@ -169,5 +169,7 @@ def test_every_option_reaches_the_command(monkeypatch, tmp_path):
     monkeypatch.setattr(
         "flowlik.commands.fuse", lambda data, out, options, **_: seen.append(options), raising=False
     )
-    assert call("fuse", tmp_path, "--antenna", "1,2,3", "--lag", 2, "--out", tmp_path / "o").code == 0
+    given = ("--antenna", "1,2,3", "--lag", 2, "--imu-offset", 0.01)
+    assert call("fuse", tmp_path, *given, "--out", tmp_path / "o").code == 0
     assert (seen[0].antenna_m, seen[0].lag_s, seen[0].align_s) == ((1.0, 2.0, 3.0), 2.0, 10.0)
+    assert seen[0].imu_offset_s == 0.01

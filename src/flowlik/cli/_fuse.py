@@ -53,6 +53,13 @@ def run(
             help="YAML with its noise densities, turn-on deviations and T_BS; by default imu0/sensor.yaml.",
         ),
     ] = None,
+    imu_offset: Annotated[
+        float,
+        typer.Option(
+            rich_help_panel=SENSORS,
+            help="How late its stamps are by the camera's clock [s]; the report says what rotations tell.",
+        ),
+    ] = FuseOptions.imu_offset_s,
     imu_topic: Annotated[
         str | None, typer.Option(rich_help_panel=SENSORS, help="Topic of the IMU in a ROS bag.")
     ] = None,
@@ -177,6 +184,7 @@ def run(
     options = FuseOptions(
         imu=imu,
         imu_sensor=imu_sensor,
+        imu_offset_s=imu_offset,
         imu_topic=imu_topic,
         gps=gps,
         gps_topic=gps_topic,

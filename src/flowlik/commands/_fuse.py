@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flowlik.commands._fuse_clocks import report_clocks, told_clocks
 from flowlik.commands._fuse_files import write_fusion
 from flowlik.commands._fuse_flight import FusedFlight, in_one_frame
 from flowlik.commands._fuse_inputs import Sensors, covered_frames, given_start, read_sensors
@@ -106,6 +107,7 @@ def fuse(
     )
     write_fusion(run.begin(), flight)
     report_fusion(run, flight, options, skipped)
+    report_clocks(run, told_clocks(times_s, motions, sensors), sensors)
     finish(run)
     return run
 

@@ -61,6 +61,7 @@ def read_sensors(data: Path, options: FuseOptions) -> Sensors:
     if options.imu is None:
         raise DataError("--imu is missing: a folder or file with an IMU, such as the sequence's own")
     imu = read_imu(options.imu, options.imu_sensor, options.imu_topic)
+    imu = replace(imu, times_s=imu.times_s - options.imu_offset_s)
     sensor = options.imu_sensor or _beside(options.imu, "imu0")
     if imu.noise is None or sensor is None:
         raise DataError(

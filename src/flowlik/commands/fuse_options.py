@@ -19,6 +19,8 @@ class FuseOptions(Data):
         IMU, as `flowlik.datasets.read_imu` takes it; needed.
     imu_sensor : Path, optional
         YAML of its noise densities and turn-on deviations, in place of the format's own.
+    imu_offset_s : float
+        Its stamps minus the camera's clock [s]: taken away from them.
     imu_topic, gps_topic : str, optional
         Topics of a ROS bag.
     gps : Path, optional
@@ -49,6 +51,7 @@ class FuseOptions(Data):
 
     imu: Path | None = None
     imu_sensor: Path | None = None
+    imu_offset_s: float = 0.0
     imu_topic: str | None = None
     gps: Path | None = None
     gps_topic: str | None = None

@@ -71,6 +71,9 @@ METRICS: dict[str, tuple[str, str]] = {
     "attitude_rms_deg": ("Attitude error", "root mean square"),
     "position_rms_m": ("Position error", "root mean square, in the frame of GPS"),
     "nis_mean": ("NIS", "squared innovations of GPS over their covariance; 3 if all is honest"),
+    "imu_time_offset_s": ("IMU stamped late by", "what the images' rotations tell; warned of beyond 5 ms"),
+    "imu_time_offset_low_s": ("IMU late, at least", "lower end of the 95 % interval"),
+    "imu_time_offset_high_s": ("IMU late, at most", "upper end of the 95 % interval"),
     "gps_alarms": ("Alarms of GPS", "whether the monitor found a drift"),
     **{
         f"information_share_{sensor}_{part}": (
