@@ -42,6 +42,7 @@ from flowlik.report._page import read_arrays, read_run
 from flowlik.results.records import read_records
 from flowlik.support.extras import missing
 from fuzz_examples import file_of, trajectory
+from fuzz_sensors import sensors
 
 FIELDS = ("image", "flow", "visible", "depth", "T_n_c", "timestamp")
 MOST_FRAMES = 6
@@ -259,6 +260,7 @@ def targets() -> dict[str, Target]:
             examples.truth, lambda root: ask(with_truth(open_sequence(root / "walk"), root / "truth.txt"))
         ),
         **_ros(),
+        **{name: Target(*used) for name, used in sensors().items()},
         **_images(),
         **{f"flow {suffix}": _flow(suffix) for suffix in ("flo", "png", "npy", "npz", "pfm")},
         "flow tartanair": Target(file_of("a.png", examples.tartanair_flow), read_flow),

@@ -1,5 +1,7 @@
 """Sweeps and places of a LiDAR in KITTI's files, made here, and bad ones."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -16,10 +18,15 @@ def test_points_of_a_sweep(tmp_path):
     np.testing.assert_array_equal(read_velodyne(tmp_path / "0.bin"), points[:, :3])
 
 
+def place(folder: Path, velo: str = VELO, cam: str = CAM) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "calib_velo_to_cam.txt").write_text(velo)
+    (folder / "calib_cam_to_cam.txt").write_text(cam)
+    return folder
+
+
 def test_points_ahead_fall_where_the_projection_matrix_says(tmp_path):
-    (tmp_path / "calib_velo_to_cam.txt").write_text(VELO)
-    (tmp_path / "calib_cam_to_cam.txt").write_text(CAM)
-    T_c_l = read_kitti_lidar_place(tmp_path)
+    T_c_l = read_kitti_lidar_place(place(tmp_path))
     P = np.array([[700, 0, 600, 35], [0, 700, 170, 7], [0, 0, 1, 0.01]])
     point = np.array([12.0, 1.0, -0.5])
     # of unrectified camera 0: x right, y down, z forward
@@ -53,10 +60,8 @@ def test_bad_sweeps(tmp_path, raw, message):
     ],
 )
 def test_bad_places(tmp_path, velo, cam, message):
-    (tmp_path / "calib_velo_to_cam.txt").write_text(velo)
-    (tmp_path / "calib_cam_to_cam.txt").write_text(cam)
     with pytest.raises(DataError, match=message):
-        read_kitti_lidar_place(tmp_path)
+        read_kitti_lidar_place(place(tmp_path, velo, cam))
 
 
 def test_no_sweep(tmp_path):
