@@ -90,7 +90,7 @@ class FixedLagSmoother:
             values.insert(self._keys[3], np.zeros(3))
         self._smoother.update(graph, values, dict.fromkeys(self._keys, start.time_s))
         self._image = (self._keys[0], start.time_s)
-        self._mark = self._marked(start.time_s)
+        self._mark = self._marked(start.time_s, self._marginal(self._keys))
         self._transition = np.eye(len(self._mark.covariance))
 
     def step(
@@ -142,12 +142,13 @@ class FixedLagSmoother:
         if time_s > self._aligned_s:
             self._smoother.setSmootherLag(self.settings.lag_s)
         self._smoother.update(graph, values, dict.fromkeys(new, time_s))
-        self.state = self._read(time_s)
+        joint = self._marginal((*self._keys, *self._mark.keys) if marked else new)
+        self.state = self._read(time_s, joint)
         if marked:
-            self._follow()
+            own = self._follow(joint)
             for fix in fixes:
-                self._take(fix, imu.last_rate_radps - self.state.gyroscope_bias_radps)
-            self._mark = self._marked(time_s)
+                own = self._take(fix, imu.last_rate_radps - self.state.gyroscope_bias_radps, own)
+            self._mark = self._marked(time_s, own)
         if image:
             self._image = (self._keys[0], time_s)
         return self.state
@@ -190,14 +191,15 @@ class FixedLagSmoother:
         values.insert(b, bias)
         return graph, values
 
-    def _read(self, time_s: float) -> FusedState:
+    def _read(self, time_s: float, joint: Array) -> FusedState:
+        """State of this node, whose covariance in GTSAM's tangents comes first in a joint one."""
         x, v, b = self._keys[:3]
         smoother = self._smoother
         T = smoother.calculateEstimatePose3(x).matrix()
         bias = smoother.calculateEstimateConstantBias(b)
         velocity = np.array(smoother.calculateEstimateVector(v))
         M = to_error_state(T[:3, :3])
-        C = M @ self._marginal(self._keys[:3]) @ M.T
+        C = M @ joint[:15, :15] @ M.T
         biases = bias.gyroscope(), bias.accelerometer()
         return FusedState(time_s, T[:3, :3], T[:3, 3], velocity, *biases, (C + C.T) / 2)
 
@@ -206,24 +208,24 @@ class FixedLagSmoother:
         joint = self._smoother.getISAM2().jointMarginalCovariance(list(keys))
         return np.asarray(joint.fullMatrix())
 
-    def _marked(self, time_s: float) -> _Mark:
+    def _marked(self, time_s: float, own: Array) -> _Mark:
         M = to_error_state(self.state.R_n_b, self.settings.coloured is not None)
-        return _Mark(self._keys, time_s, M @ self._marginal(self._keys) @ M.T, M)
+        return _Mark(self._keys, time_s, M @ own @ M.T, M)
 
-    def _follow(self) -> None:
-        """Follow shifts of the estimate from the last mark to this node.
+    def _follow(self, joint: Array) -> Array:
+        """Follow shifts of the estimate from the last mark to this node; this node's own covariance.
 
         Given what was known at the mark, all that came since is one Gaussian; a shift of its mean moves
         the estimate now by cov(now, mark) inv(cov(mark as it was then)).
         """
         mark, size = self._mark, len(self._transition)
         M = to_error_state(self.state.R_n_b, size == 18)
-        across = self._marginal((*self._keys, *mark.keys))[:size, size:]
-        moved = np.linalg.solve(mark.covariance, mark.to_error_state @ across.T @ M.T).T
-        self._transition = moved @ self._transition
+        across = M @ joint[:size, size:] @ mark.to_error_state.T
+        self._transition = np.linalg.solve(mark.covariance, across.T).T @ self._transition
+        return joint[:size, :size]
 
-    def _take(self, fix: GpsFix, rate_radps: Array) -> None:
-        """Use a fix, and keep what it told that was not known."""
+    def _take(self, fix: GpsFix, rate_radps: Array, own: Array) -> Array:
+        """Use a fix, and keep what it told that was not known; this node's covariance before and after."""
         gtsam, settings, state = self._gtsam, self.settings, self.state
         R = state.R_n_b
         later_s = state.time_s - fix.time_s
@@ -239,7 +241,7 @@ class FixedLagSmoother:
             bias = np.array(self._smoother.calculateEstimateVector(self._keys[3]))
             innovation = innovation - coloured @ bias
         H = gps_observation(R, settings, coloured)
-        C = self._marked(state.time_s).covariance
+        C = self._marked(state.time_s, own).covariance
         S = H @ C @ H.T + white
         gain = np.asarray(np.linalg.solve(S, H @ C).T)
         self._fixes.append(_Innovation(fix.time_s, innovation, S, H, gain, self._transition))
@@ -255,4 +257,6 @@ class FixedLagSmoother:
             keys = (self._keys[0], self._keys[3])
             graph.add(biased_gps_factor(gtsam, keys, at, innovation, H, R, white))
         self._smoother.update(graph, gtsam.Values(), {})
-        self.state = self._read(state.time_s)
+        own = self._marginal(self._keys)
+        self.state = self._read(state.time_s, own)
+        return own
