@@ -101,6 +101,17 @@ def test_a_start_in_a_file_and_coloured_gps(sensed, tmp_path):
     assert np.isfinite(records(run)["position_sigma_median_m"])
 
 
+def test_directions_are_fused_where_their_factor_is_stated(sensed, tmp_path):
+    run = tmp_path / "run"
+    more = ("--model", "lucas-kanade", "--residual", "epipolar", "--long-run-factor", 20)
+    succeed(*words(sensed, *more, "--initial", "truth", "--frames", 8), "--out", run)
+    found = records(run)
+    assert found["flow_factor_fraction"] > 0.5
+    assert 0 <= found["information_share_flow_attitude"] < 1
+    given = ("fuse", sensed, "--imu", sensed, "--camera-pose", "body", *more)
+    refuse(*given, out=tmp_path / "no", message="without depth the start cannot be found")
+
+
 @pytest.mark.parametrize(
     ("less", "more", "message"),
     [
@@ -109,6 +120,7 @@ def test_a_start_in_a_file_and_coloured_gps(sensed, tmp_path):
         ("--initial", (), "tell a motion, but an alignment needs 10"),
         ("--initial", ("--align", 0.3), "tell the heading to"),
         ("", ("--up", "w"), "--up 'w' is no axis"),
+        ("--motions", ("--residual", "epipolar"), "without depth a motion is a direction"),
         ("", ("--antenna", "1,2"), "expected 3 numbers with commas between"),
         ("", ("--form", "half"), "unknown --form 'half'"),
         ("", ("--lag", 0), "a smoother needs a lag above 0 s"),
@@ -125,6 +137,8 @@ def test_bad_input_is_one_line(sensed, tmp_path, less, more, message):
     options.pop(less, None)
     options |= dict(zip(more[::2], more[1::2]))
     given = [word for pair in options.items() for word in pair]
+    if less == "--motions" and "--model" not in options:
+        given += ["--model", "lucas-kanade"]
     # too few motions: an alignment of 10 s has only these
     if message.startswith("tell a motion"):
         given += ["--frames", "5"]

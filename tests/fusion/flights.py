@@ -6,8 +6,8 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.datasets import GpsFixes, ImuNoise, ImuSamples
-from flowlik.fusion import ColouredGps, FusedState, FusionSettings, fuse
-from flowlik.geometry.motion import exp_se3, relative_motion, skew
+from flowlik.fusion import ColouredGps, DirectionFactor, FusedState, FusionSettings, fuse
+from flowlik.geometry.motion import exp_se3, relative_motion, scaled, skew
 from flowlik.odometry import FlowFactor
 from flowlik.simulation.inertial import (
     GRAVITY_N_MPS2,
@@ -105,7 +105,11 @@ def drawn_flight(seed, seconds, form="given-rotation", gps=GPS, imu=IMU):
     flows = []
     for k in range(1, len(times_s)):
         noise = np.linalg.cholesky(FLOW) @ rng.standard_normal(6)
-        T = exp_se3(noise) * relative_motion(motion.poses[k - 1], motion.poses[k])
+        true = relative_motion(motion.poses[k - 1], motion.poses[k])
+        if form == "direction":
+            flows.append(drawn_direction(true, noise))
+            continue
+        T = exp_se3(noise) * true
         gain = FLOW[3:, :3] @ np.linalg.inv(FLOW[:3, :3])
         given = FlowFactor(form, T, FLOW[3:, 3:] - gain @ FLOW[:3, 3:], gain - skew(T.translation))
         flows.append(given if form == "given-rotation" else FlowFactor(form, T, FLOW, np.zeros((3, 3))))
@@ -114,6 +118,15 @@ def drawn_flight(seed, seconds, form="given-rotation", gps=GPS, imu=IMU):
     )
     fixes = GpsFixes(told.times_s, told.positions_n_m, np.tile(told.sigma_m, (len(told.times_s), 1)))
     return Flight(samples, fixes, start, flows, times_s, list(zip(R, v, p)))
+
+
+def drawn_direction(true, noise):
+    """A direction with errors of FLOW, as of a step of 1 m, of which what lies along it is left out."""
+    unit = scaled(true, 1.0)
+    across = np.eye(6)
+    across[3:, 3:] -= np.outer(unit.translation, unit.translation)
+    measured = exp_se3(across @ noise) * unit
+    return DirectionFactor("given-rotation", scaled(measured, 1.0), across @ FLOW @ across.T)
 
 
 def fused(flight, coloured=None, fixes=None, lag_s=1.0):

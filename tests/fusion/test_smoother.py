@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from flowlik.datasets import GpsFixes
+from flowlik.egomotion import EgoMotion, Status
+from flowlik.egomotion.result import unsolved
 from flowlik.errors import DataError
-from flowlik.fusion import ColouredGps, FixedLagSmoother, fuse
+from flowlik.fusion import ColouredGps, FixedLagSmoother, direction_factor, fuse
+from flowlik.geometry.motion import scaled
 from flowlik.simulation.inertial import GPS_PRESETS, GpsModel
 from tests.fusion.flights import ANTENNA_C_M, HALF, IDEAL, NOISE, antenna_at, drawn_flight, fused, settings
 
@@ -115,3 +118,45 @@ def test_bad_input_is_one_clear_error():
         fuse(flight.start, parts[0][1:], parts[1][1:], *parts[2:], settings())
     with pytest.raises(DataError, match="expected one less"):
         fuse(flight.start, parts[0], parts[1][1:], *parts[2:], settings())
+
+
+def test_directions_of_one_camera_tell_what_they_say():
+    """Scale comes of the IMU and the start; drawn errors of directions are as large as said."""
+    found = []
+    for seed in range(4):
+        flight = drawn_flight(seed, 1.2, form="direction")
+        told = fused(flight)
+        assert told.flow_factors == len(flight.flows)
+        states = told.states[12::12]
+        found.append(squared(flight.errors(states), np.array([s.covariance[:9, :9] for s in states])))
+    assert abs(np.mean(found) - 9) < 3 * np.sqrt(18 / 4)
+    without = fused(replace(flight, flows=[None] * len(flight.flows))).states[36]
+    told, untold = (np.trace(s.covariance[3:6, 3:6]) for s in (states[-1], without))
+    assert told < 0.7 * untold
+
+
+def test_a_direction_at_a_length_says_nothing_of_the_length():
+    flow = drawn_flight(0, 0.2, form="direction").flows[0]
+    factor = flow.at_length(0.2)
+    assert np.linalg.norm(factor.T_k_prev.translation) == pytest.approx(0.2)
+    t = factor.T_k_prev.translation
+    assert t @ factor.covariance @ t / (t @ t) > 10**2 * 0.2**2
+    across = np.linalg.svd(t[None])[2][1]
+    twice = flow.at_length(0.4).covariance
+    assert across @ twice @ across == pytest.approx(4 * across @ factor.covariance @ across)
+    # a step that is hardly known gives no factor
+    flight = drawn_flight(0, 0.2, form="direction")
+    loose = replace(flight.start, covariance=np.diag(np.where(np.arange(15) // 3 == 1, 9.0, 1e-4)))
+    assert fused(replace(flight, start=loose)).flow_factors == 0
+
+
+def test_directions_are_of_motions_without_a_length():
+    T = drawn_flight(0, 0.2).flows[0].T_k_prev
+    known = EgoMotion(T, np.zeros((6, 6)), np.eye(6), Status.SOLVED)
+    with pytest.raises(DataError, match="a motion in metres is a flow factor"):
+        direction_factor(known, 2.0)
+    with pytest.raises(DataError, match="must be above 0, not 0"):
+        direction_factor(known, 0.0)
+    assert direction_factor(unsolved(Status.TOO_FEW, "few"), 2.0) is None
+    unit = replace(known, T_k_prev=scaled(T, 1.0), scale_known=False)
+    np.testing.assert_array_equal(direction_factor(unit, 2.0).covariance, 2 * np.eye(6))

@@ -37,7 +37,7 @@ SENSORS, START = "IMU and GPS", "Start"
 
 
 def run(
-    data: Annotated[Path, typer.Argument(help="Folder of a sequence with depth, or a ROS bag.")],
+    data: Annotated[Path, typer.Argument(help="Folder of a sequence, best with depth, or a ROS bag.")],
     out: Out,
     imu: Annotated[
         Path | None,
@@ -108,6 +108,14 @@ def run(
         float,
         typer.Option(rich_help_panel=START, help="First seconds from which the start is found; left out."),
     ] = FuseOptions.align_s,
+    residual: Annotated[
+        str | None,
+        typer.Option(
+            rich_help_panel=MODEL,
+            help="depth or epipolar (directions alone); depth if the data has it.",
+            autocompletion=complete.one_of(complete.RESIDUALS),
+        ),
+    ] = None,
     form: Annotated[
         str, typer.Option(rich_help_panel=ADVANCED, help="Flow factors: given-rotation, or full.")
     ] = FuseOptions.form,
@@ -170,7 +178,7 @@ def run(
     verbose: Verbose = False,
     json: Json = False,
 ) -> None:
-    """Fuse flow of known depth with an IMU and GPS, and watch whether GPS agrees.
+    """Fuse a camera's motion with an IMU and GPS, and watch whether GPS agrees.
 
     Examples
     --------
@@ -194,6 +202,7 @@ def run(
         up=up,
         initial=initial,
         align_s=align,
+        residual=residual,
         form=form,
         long_run_factor=long_run_factor,
         lag_s=lag,

@@ -23,7 +23,7 @@ from flowlik.errors import DataError
 from flowlik.evaluation.motion import true_trajectory
 from flowlik.flow import describe, method_label
 from flowlik.flow.base import FlowMethod
-from flowlik.fusion import Fused, FusedState, coarse_start, heading_sigma_rad
+from flowlik.fusion import DirectionFactor, Fused, FusedState, coarse_start, heading_sigma_rad
 from flowlik.fusion import fuse as fuse_flight
 from flowlik.odometry import FlowFactor, Odometry, run_odometry
 from flowlik.report import finish
@@ -32,6 +32,7 @@ from flowlik.support.arrays import Array
 from flowlik.support.extras import extra
 from flowlik.support.progress import Progress, no_progress
 
+Factor = FlowFactor | DirectionFactor | None
 MOST_HEADING_RAD = float(np.deg2rad(5.0))
 """Standard deviation of the heading beyond which an alignment has failed."""
 
@@ -74,8 +75,9 @@ def fuse(
     options = measured_options(options)
     sensors = read_sensors(data, options)
     flow, estimator = choose(options.odometry)
-    flow_factors([], estimator.likelihood, 1.0, options)  # what cannot be is told before the work
     sequence, skipped, motions = _frames(data, options, flow, sensors, progress)
+    kind = residual_kind(sequence, "depth" if options.motions is not None else options.residual)
+    flow_factors([], estimator.likelihood, 1.0, options, kind)  # what cannot be is told before the work
     truth = true_trajectory(sequence, len(sequence))
     times_s = np.array([sequence.timestamp(k) for k in range(len(sequence))])
     start = given_start(options, sensors, float(times_s[0]), truth)
@@ -84,10 +86,11 @@ def fuse(
     )
     if motions is None:
         robot = Odometry(sequence.camera, flow, estimator, options.seed)
-        steps = run_odometry(sequence, robot, "depth")
+        steps = run_odometry(sequence, robot, kind)
         what = f"{options.estimator} on {sequence.name}, image pairs"
         motions = list(progress(steps, what, len(sequence) - 1))
-    factors = flow_factors(motions, estimator.likelihood, float(np.median(np.diff(times_s))), options)
+    interval_s = float(np.median(np.diff(times_s)))
+    factors = flow_factors(motions, estimator.likelihood, interval_s, options, kind)
     factors = _within_lag(factors, times_s, options.lag_s)
     begin = time.perf_counter()
     fused, seen = _smoothed(start, times_s, factors, sensors, options)
@@ -119,11 +122,6 @@ def _frames(
     if options.motions is None:
         sequence, skipped = opened_frames(data, options.odometry, flow, progress)
         motions = None
-        if residual_kind(sequence, None) != "depth":
-            raise DataError(
-                f"{sequence.name}: no depth, so that its motions have no length; what one camera's "
-                "directions are worth over time is not calibrated, and they are not fused"
-            )
     else:
         whole = replace(options.odometry, frames=None, start=0, stride=1)
         opened, skipped = opened_frames(data, whole, flow, progress)
@@ -140,7 +138,7 @@ def _frames(
     return sequence, skipped, motions
 
 
-def _within_lag(factors: list[FlowFactor | None], times_s: Array, lag_s: float) -> list[FlowFactor | None]:
+def _within_lag(factors: list[Factor], times_s: Array, lag_s: float) -> list[Factor]:
     """Factors without those over a pause that is longer than the smoother's lag."""
     return [factor if step <= lag_s else None for factor, step in zip(factors, np.diff(times_s))]
 
@@ -148,14 +146,15 @@ def _within_lag(factors: list[FlowFactor | None], times_s: Array, lag_s: float) 
 def _smoothed(
     start: FusedState | None,
     times_s: Array,
-    factors: list[FlowFactor | None],
+    factors: list[Factor],
     sensors: Sensors,
     options: FuseOptions,
 ) -> tuple[Fused, Watched]:
     """The flight from the start on, or from where it was found; with the answer to an alarm."""
     settings = sensors.settings
     if start is None:
-        start = coarse_start(times_s, factors, sensors.imu, sensors.fixes, settings, sensors.turn_on)
+        metric = [factor if isinstance(factor, FlowFactor) else None for factor in factors]
+        start = coarse_start(times_s, metric, sensors.imu, sensors.fixes, settings, sensors.turn_on)
     whole = fuse_flight(start, times_s, factors, sensors.imu, sensors.fixes, settings)
     fused = whole.after(float(times_s[0]) + settings.alignment_s)
     if len(fused.states) < 2:

@@ -11,7 +11,7 @@ from flowlik.commands._fuse_inputs import Sensors, without_gps
 from flowlik.commands._fuse_monitor import Watched
 from flowlik.datasets.selection import Selection
 from flowlik.egomotion import EgoMotion, Estimator
-from flowlik.fusion import Fused
+from flowlik.fusion import DirectionFactor, Fused
 from flowlik.fusion import fuse as fuse_flight
 from flowlik.geometry.motion import adjoint
 from flowlik.geometry.trajectory import Trajectory
@@ -36,7 +36,7 @@ class FusedFlight:
         IMU and GPS.
     motions : list of EgoMotion
         Of every frame after the first.
-    factors : list of FlowFactor or None
+    factors : list of FlowFactor, DirectionFactor or None
         Their factors.
     fused : Fused
         States from the first frame whose state is known on.
@@ -59,7 +59,7 @@ class FusedFlight:
     truth: Trajectory | None
     sensors: Sensors
     motions: list[EgoMotion]
-    factors: list[FlowFactor | None]
+    factors: list[FlowFactor | DirectionFactor | None]
     fused: Fused
     seen: Watched
     seconds: float
@@ -115,7 +115,9 @@ class FusedFlight:
         first, sensors = self.first, self.sensors
         times_s, factors = self.fused.times_s, self.factors[first:]
         begun = replace(sensors, settings=replace(sensors.settings, alignment_s=0.0))
-        alone: dict[str, tuple[Sensors, list[FlowFactor | None]]] = {"flow": (begun, [None] * len(factors))}
+        alone: dict[str, tuple[Sensors, list[FlowFactor | DirectionFactor | None]]] = {
+            "flow": (begun, [None] * len(factors))
+        }
         if sensors.fixes is not None:
             alone["gps"] = (without_gps(begun), factors)
         return {

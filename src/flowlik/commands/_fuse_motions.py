@@ -15,10 +15,12 @@ from flowlik.datasets.base import ImageSequence
 from flowlik.datasets.selection import Selection
 from flowlik.egomotion import EgoMotion, Status
 from flowlik.errors import DataError, ModelError
+from flowlik.fusion import DirectionFactor, direction_factor
 from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.likelihood.over_time import OverTime, Persistence
 from flowlik.odometry import FlowFactor, flow_factor
 from flowlik.odometry.flow_factor import Form
+from flowlik.odometry.loop import ResidualKind
 from flowlik.support.files import read_json, read_npz, read_text
 
 
@@ -83,9 +85,13 @@ def read_motions(run: Path, whole: ImageSequence) -> tuple[Selection, list[EgoMo
 
 
 def flow_factors(
-    motions: list[EgoMotion], likelihood: FlowLikelihood, interval_s: float, options: FuseOptions
-) -> list[FlowFactor | None]:
-    """Factors of motions; of those that images did not tell, none.
+    motions: list[EgoMotion],
+    likelihood: FlowLikelihood,
+    interval_s: float,
+    options: FuseOptions,
+    kind: ResidualKind = "depth",
+) -> list[FlowFactor | DirectionFactor | None]:
+    """Factors of motions of known depth or of directions; of those that images did not tell, none.
 
     Raises
     ------
@@ -97,6 +103,8 @@ def flow_factors(
     if options.form not in get_args(Form):
         raise DataError(f"unknown --form {options.form!r}: known are {', '.join(get_args(Form))}")
     form = cast(Form, options.form)
+    if kind == "epipolar":
+        return _directions(motions, form, options)
     if options.long_run_factor is None:
         if likelihood.shared_errors.over_time is None:
             raise ModelError(
@@ -113,3 +121,18 @@ def flow_factors(
     return [
         None if f is None else replace(f, covariance=options.long_run_factor * f.covariance) for f in factors
     ]
+
+
+def _directions(
+    motions: list[EgoMotion], form: Form, options: FuseOptions
+) -> list[FlowFactor | DirectionFactor | None]:
+    """Factors of directions, whose long-run factor and start must be stated."""
+    if options.long_run_factor is None:
+        raise DataError(
+            "without depth a motion is a direction, and how its errors stay over time is not calibrated: "
+            "state by --long-run-factor how much larger the covariance of a sum of motions is than that of "
+            "independent ones"
+        )
+    if options.initial is None:
+        raise DataError("without depth the start cannot be found: give it by --initial, a file or `truth`")
+    return [direction_factor(motion, options.long_run_factor, form) for motion in motions]

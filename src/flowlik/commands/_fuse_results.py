@@ -11,6 +11,7 @@ from flowlik.commands.fuse_options import FuseOptions
 from flowlik.datasets.base import notes_of
 from flowlik.datasets.selection import Skipped
 from flowlik.evaluation.motion import consistency, consistency_records, status_records, trajectory_records
+from flowlik.fusion import DirectionFactor
 from flowlik.results.records import Record, protocol
 from flowlik.results.runs import RunFolder
 from flowlik.support.arrays import Array
@@ -51,6 +52,7 @@ def _records(flight: FusedFlight, options: FuseOptions) -> list[Record]:
     coloured = settings.coloured
     keys = {
         "fused": "imu+flow" if flight.sensors.fixes is None else "imu+flow+gps", "form": options.form,
+        "residual": "epipolar" if any(isinstance(f, DirectionFactor) for f in flight.factors) else "depth",
         "long_run_factor": options.long_run_factor, "lag_s": options.lag_s,
         "gps_coloured": None if coloured is None else f"{coloured.share:g} {coloured.memory_s:g} s",
         "start": {None: "found", "truth": "truth"}.get(options.initial, "given"),

@@ -37,10 +37,12 @@ class FuseOptions(Data):
         YAML of the initial state, or ``"truth"``: drawn around the data's own poses; by default it is found.
     align_s : float
         First seconds from which it is found, and which are left out.
+    residual : {"depth", "epipolar"}, optional
+        By default known depth if the data has it; else directions are fused.
     form : {"given-rotation", "full"}
         Form of a flow factor.
     long_run_factor : float, optional
-        By which a motion's covariance grows for a filter, for a model that does not know.
+        By which a motion's covariance grows for a filter, for a model that does not know; directions need it.
     lag_s : float
         Lag [s] of the smoother.
     false_alarms : float
@@ -61,6 +63,7 @@ class FuseOptions(Data):
     up: str | None = None
     initial: str | None = None
     align_s: float = 10.0
+    residual: str | None = None
     form: str = "given-rotation"
     long_run_factor: float | None = None
     lag_s: float = 1.0
@@ -82,4 +85,4 @@ class FuseOptions(Data):
     def odometry(self) -> OdometryOptions:
         """How flow is measured and motions are estimated."""
         shared = {field.name for field in fields(OdometryOptions)} & {field.name for field in fields(self)}
-        return OdometryOptions(residual="depth", **{name: getattr(self, name) for name in shared})
+        return OdometryOptions(**{name: getattr(self, name) for name in shared})

@@ -1,6 +1,7 @@
 """Motions beside other sensors: a smoother of IMU, flow and GPS, and a monitor that tells when GPS lies."""
 
 from flowlik.fusion.alignment import TurnOn, coarse_start, heading_sigma_rad
+from flowlik.fusion.direction_factor import DirectionFactor, direction_factor
 from flowlik.fusion.fuse import Fused, covers, fuse
 from flowlik.fusion.gtsam_factor import gtsam_factor
 from flowlik.fusion.innovations import GpsInnovations
@@ -20,6 +21,7 @@ from flowlik.fusion.time_offset import TimeOffset, estimate_time_offset
 
 __all__ = [
     "ColouredGps",
+    "DirectionFactor",
     "FixedLagSmoother",
     "Fused",
     "FusedState",
@@ -36,6 +38,7 @@ __all__ = [
     "block_maxima",
     "coarse_start",
     "covers",
+    "direction_factor",
     "drawn_maxima",
     "estimate_time_offset",
     "false_alarm_threshold",

@@ -14,6 +14,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from flowlik.datasets.gps import GpsFixes
 from flowlik.datasets.inertial import ImuNoise, ImuSamples
 from flowlik.errors import DataError
+from flowlik.fusion.direction_factor import DirectionFactor
 from flowlik.fusion.innovations import GpsInnovations
 from flowlik.fusion.smoother import FixedLagSmoother
 from flowlik.fusion.state import FusedState, FusionSettings, GpsFix, ImuSegment
@@ -90,7 +91,7 @@ class _Node:
 def fuse(
     start: FusedState,
     frame_times_s: Array,
-    flows: Sequence[FlowFactor | None],
+    flows: Sequence[FlowFactor | DirectionFactor | None],
     imu: ImuSamples,
     fixes: GpsFixes | None,
     settings: FusionSettings,
@@ -103,7 +104,7 @@ def fuse(
         What is known at the first frame.
     frame_times_s : array (N,)
         Times [s] of the frames, increasing, all within the IMU's.
-    flows : sequence of N - 1 FlowFactor or None
+    flows : sequence of N - 1 FlowFactor, DirectionFactor or None
         Of every frame after the first; None where its images tell no motion, or over more than the lag.
     imu : ImuSamples
         IMU in {b}, with its noise.
@@ -129,15 +130,14 @@ def fuse(
     smoother = FixedLagSmoother(start, _noise(imu), settings)
     nodes, used = _nodes(frame_times_s, fixes, settings.lag_s / 4)
     segments = imu_segments(imu, np.array([node.time_s for node in nodes]))
-    states, count = [start], 0
+    states = [start]
     for node, segment in zip(nodes[1:], segments):
         taken = [] if fixes is None else [_fix(fixes, n) for n in node.fixes]
         flow = None if node.frame is None else flows[node.frame - 1]
         state = smoother.step(segment, flow, taken, node.frame is not None)
         if node.frame is not None:
             states.append(state)
-            count += flow is not None
-    return Fused(tuple(states), smoother.innovations, used, count)
+    return Fused(tuple(states), smoother.innovations, used, smoother.flow_factors)
 
 
 def covers(imu: ImuSamples, times_s: Array) -> NDArray[np.bool_]:

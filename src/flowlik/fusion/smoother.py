@@ -20,6 +20,7 @@ from flowlik.fusion._factors import (
     start_factors,
     to_error_state,
 )
+from flowlik.fusion.direction_factor import MOST_UNKNOWN, DirectionFactor
 from flowlik.fusion.gtsam_factor import gtsam_factor
 from flowlik.fusion.innovations import GpsInnovations
 from flowlik.fusion.state import FusedState, FusionSettings, GpsFix, ImuSegment
@@ -64,6 +65,13 @@ class FixedLagSmoother:
     settings : FusionSettings
         How the sensors sit and err.
 
+    Attributes
+    ----------
+    state : FusedState
+        Of the last node.
+    flow_factors : int
+        Motions that were used until now.
+
     Raises
     ------
     MissingExtraError
@@ -90,13 +98,14 @@ class FixedLagSmoother:
             values.insert(self._keys[3], np.zeros(3))
         self._smoother.update(graph, values, dict.fromkeys(self._keys, start.time_s))
         self._image = (self._keys[0], start.time_s)
+        self.flow_factors = 0
         self._mark = self._marked(start.time_s, self._marginal(self._keys))
         self._transition = np.eye(len(self._mark.covariance))
 
     def step(
         self,
         imu: ImuSegment,
-        flow: FlowFactor | None = None,
+        flow: FlowFactor | DirectionFactor | None = None,
         fixes: Sequence[GpsFix] = (),
         image: bool = True,
     ) -> FusedState:
@@ -106,8 +115,9 @@ class FixedLagSmoother:
         ----------
         imu : ImuSegment
             From the last node to this one: at most half the lag.
-        flow : FlowFactor, optional
-            Measured motion of the camera since the last image; None where images tell none.
+        flow : FlowFactor or DirectionFactor, optional
+            Measured motion of the camera since the last image; None where images tell none. A direction is
+            used at the length that is predicted, unless that is hardly known.
         fixes : sequence of GpsFix
             Fixes near this node; each is carried to the node's time by the estimated velocity.
         image : bool
@@ -130,8 +140,11 @@ class FixedLagSmoother:
         # the bias of GPS has nodes of its own: at fixes, and before the last one is older than the lag
         marked = bool(fixes) or time_s - self._mark.time_s > self.settings.lag_s / 4
         graph, values = self._imu_graph(imu, before)
+        if isinstance(flow, DirectionFactor):
+            flow = self._at_length(flow, values.atPose3(self._keys[0]), time_s)
         if flow is not None:
             graph.add(gtsam_factor(flow, self._image[0], self._keys[0], self.settings.T_b_c))
+            self.flow_factors += 1
         new = self._keys[:3]
         if marked and self.settings.coloured is not None:
             new = self._keys
@@ -164,7 +177,17 @@ class FixedLagSmoother:
             arrays[-1][0] = np.eye(n)
         return GpsInnovations(*arrays)
 
-    def _check_lag(self, time_s: float, flow: FlowFactor | None) -> None:
+    def _at_length(self, flow: DirectionFactor, predicted: Any, time_s: float) -> FlowFactor | None:
+        """A direction at the length of the predicted step; None where that is not known well enough."""
+        last = self._smoother.calculateEstimatePose3(self._image[0])
+        arm = self.settings.T_b_c.translation
+        length_m = float(np.linalg.norm(predicted.transformFrom(arm) - last.transformFrom(arm)))
+        unknown_mps = float(np.sqrt(np.linalg.eigvalsh(self.state.covariance[3:6, 3:6])[-1]))
+        if unknown_mps * (time_s - self._image[1]) > MOST_UNKNOWN * length_m:
+            return None
+        return flow.at_length(length_m)
+
+    def _check_lag(self, time_s: float, flow: FlowFactor | DirectionFactor | None) -> None:
         lag_s, step_s, image_s = self.settings.lag_s, time_s - self.state.time_s, time_s - self._image[1]
         if step_s > lag_s / 2:
             raise DataError(f"a step of {step_s:.3g} s is more than half the smoother's lag of {lag_s:g} s")
