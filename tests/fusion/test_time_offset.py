@@ -54,7 +54,8 @@ def test_a_known_offset_and_turn_lie_within_their_intervals():
         assert found.explained > 0.99 and found.motions > 250
     assert sum(held) >= 8
     assert np.median(widths) < 2e-3
-    assert 1.0 < np.mean(squared) < 9.0
+    # of eight blocks the covariance itself is rough: Hotelling's distribution has a median of 3.8
+    assert 1.0 < np.median(squared) < 8.0
 
 
 def test_what_the_gyroscope_reads_at_rest_is_told():

@@ -24,7 +24,7 @@ ALIKE = 1.2
 STEP_S = 0.01
 DIFFERENCE_S = 0.001
 STEPS = 12
-BLOCKS = 20
+BLOCK_S, FEWEST_BLOCKS, MOST_BLOCKS = 2.0, 8, 20
 CAUCHY = 3.0
 CHI2_MEDIAN = 2.366
 """Median of chi-squared with three freedoms."""
@@ -76,9 +76,9 @@ def estimate_time_offset(
     Each motion's rotation vector is that of the gyroscope over the same time, turned, plus a bias. For every
     offset on a grid the turn has a closed form (Wahba's problem, by the singular value decomposition); from
     the best on, all are refined together by least squares, with the residuals' own covariance and Cauchy's
-    weights. Intervals follow from the scatter of 20 blocks of time, so that errors that stay from frame to
-    frame count as they should; where the three axes alone tell offsets that differ by more than they may,
-    the interval is wider by the root of that excess (Birge's ratio).
+    weights. Intervals follow from the scatter of 8 to 20 blocks of time, of 2 s if there are so many, so that
+    errors that stay from frame to frame count as they should; where the three axes alone tell offsets that
+    differ by more than they may, the interval is wider by the root of that excess (Birge's ratio).
 
     Parameters
     ----------
@@ -220,15 +220,16 @@ def _refined(
         R_c_i = Rotation.from_rotvec(step[1:4]) * R_c_i
         if abs(step[0]) < 1e-7 and np.abs(step[1:4]).max() < 1e-8:
             break
-    sums = np.array([part.sum(axis=0) for part in np.array_split(gradient, BLOCKS)])
-    inverse, unbiased = np.linalg.inv(A), BLOCKS / (BLOCKS - 1)
+    blocks = int(np.clip((b_s[-1] - a_s[0]) / BLOCK_S, FEWEST_BLOCKS, MOST_BLOCKS))
+    sums = np.array([part.sum(axis=0) for part in np.array_split(gradient, blocks)])
+    inverse, unbiased = np.linalg.inv(A), blocks / (blocks - 1)
     whole = sums.sum(axis=1)
     covariance = unbiased * inverse @ (whole.T @ whole) @ inverse
     # each axis alone moves the offset by so much, and may by so much
     moved = sums[:, :, 0].sum(axis=0) / curvature[:, 0, 0]
     may = unbiased * (sums[:, :, 0] ** 2).sum(axis=0) / curvature[:, 0, 0] ** 2
     ratio = max(1.0, float((moved**2 / may).sum()) / 2)
-    half_s = float(student.ppf((1 + confidence) / 2, BLOCKS - 1) * np.sqrt(ratio * covariance[0, 0]))
+    half_s = float(student.ppf((1 + confidence) / 2, blocks - 1) * np.sqrt(ratio * covariance[0, 0]))
     centred = turned - turned.mean(axis=0)
     return TimeOffset(
         offset_s=float(offset_s),
