@@ -5,11 +5,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import onnxruntime
 import pytest
 
-from examples import spynet_onnx
-from tests.helpers import textured_image
+pytest.importorskip("onnx")
+onnxruntime = pytest.importorskip("onnxruntime")
+
+from examples import spynet_onnx  # noqa: E402
+from tests.helpers import textured_image  # noqa: E402
 
 
 class Writer:
