@@ -2,16 +2,18 @@
 
     python benchmarks/over_time.py --cache CACHE --out RUN [--models lucas-kanade dis] [--write FOLDER]
 
-Motions of known depth, 180 in a row at 60 frames/s, of flights rendered once into CACHE. `CALIBRATION` gives
-the share that stays and its memory; `HELD_OUT`, of other seeds and speeds, judges. With --write the models
-with what was found are left in FOLDER.
+Motions of known depth in a row, of flights rendered once into CACHE, at 60, 30 and 10 frames/s of the same
+images. `CALIBRATION`, flights of 3 s at 60 frames/s, gives the share that stays and its memory; `HELD_OUT`,
+flights of 30 s of other seeds and speeds, judges. With --write the models with what was found are left in
+FOLDER.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,25 +31,31 @@ from flowlik.odometry import Odometry, flow_factor
 from flowlik.odometry.flow_factor import given_rotation
 from flowlik.odometry.trajectory_covariance import ChainedErrors
 from flowlik.results.records import Record, protocol, write_records
+from flowlik.simulation import PAPER_CAMERA, camera_of, simulate
 from flowlik.support.files import atomic_write
 
-FRAMES_PER_SECOND, MOTIONS = 60, 180
-CHAINS = (15, 30, 60, 120, 180)
+FRAMES_PER_SECOND = 60
+RATES = (60, 30, 10)  # frames/s: every one, every second and every sixth image
+CHAINS_S = (0.25, 1.0, 2.0, 5.0)
 FORMS = {"full": 6, "given-rotation": 3}
 
 
 @dataclass(frozen=True)
 class Flight:
-    """Frames in a row from the middle of a flight: world, path, speed [m/s], seed."""
+    """Frames in a row from the middle of a flight: world, path, speed [m/s], seed, length [s], width [px]."""
 
     world: str
     trajectory: str
     speed_mps: float
     seed: int
+    seconds: float = 3.0
+    width: int = PAPER_CAMERA.width
 
     @property
     def name(self) -> str:
-        return f"{self.world}-{self.trajectory}-{self.speed_mps:g}-{self.seed}"
+        long = "" if self.seconds == 3 else f"-{self.seconds:g}s"
+        small = "" if self.width == PAPER_CAMERA.width else f"-{self.width}px"
+        return f"{self.world}-{self.trajectory}-{self.speed_mps:g}-{self.seed}{long}{small}"
 
 
 CALIBRATION = (
@@ -57,13 +65,18 @@ CALIBRATION = (
     Flight("forest", "straight", 6.0, 206),
     Flight("forest", "training", 12.0, 203),
     Flight("forest", "training", 3.0, 205),
-)
-HELD_OUT = (
     Flight("forest", "forest-fig8", 6.0, 300),
     Flight("forest", "curve", 6.0, 301),
     Flight("planes", "training", 4.0, 303),
-    Flight("forest", "straight", 9.0, 302),
     Flight("forest", "training", 9.0, 305),
+)
+HELD_OUT = (
+    Flight("forest", "forest-fig8", 6.0, 400, 30.0),
+    Flight("forest", "training", 4.0, 401, 30.0),
+    Flight("planes", "training", 3.0, 402, 30.0),
+    Flight("forest", "curve", 3.0, 403, 30.0),
+    Flight("planes", "training", 6.0, 404, 30.0),
+    Flight("forest", "straight", 2.5, 405, 30.0),
 )
 
 
@@ -74,11 +87,13 @@ class Motions(NamedTuple):
     true: list[RigidTransform]
 
 
-def flown(flight: Flight, name: str, model: FlowLikelihood, cache: Path) -> Motions:
+def flown(
+    flight: Flight, name: str, model: FlowLikelihood, cache: Path, rate: int = FRAMES_PER_SECOND
+) -> Motions:
     """Motions of a flight by a model, from the cache if it has them."""
-    path = cache / f"{flight.name}--{name}.npz"
+    path = _cached(flight, name, cache, rate)
     if not path.is_file():
-        _fly(flight, model, path)
+        fly(flight, {name: model}, cache, (rate,))
     with np.load(path) as data:
         status = [Status(s) for s in data["status"]]
         estimated = [
@@ -88,29 +103,48 @@ def flown(flight: Flight, name: str, model: FlowLikelihood, cache: Path) -> Moti
         return Motions(estimated, [RigidTransform.from_matrix(T) for T in data["true"]])
 
 
-def _fly(flight: Flight, model: FlowLikelihood, path: Path) -> None:
-    from flowlik.simulation import simulate
-
+def fly(flight: Flight, models: Mapping[str, FlowLikelihood], cache: Path, rates: tuple[int, ...]) -> None:
+    """Leave a flight's motions by every model at every frame rate in the cache; images are rendered once."""
+    missing = [(n, r) for n in models for r in rates if not _cached(flight, n, cache, r).is_file()]
+    if not missing:
+        return
+    camera = camera_of(flight.world, flight.width, flight.width * 9 // 16, None)
     length_m = 100.0 if flight.trajectory in ("straight", "curve") else 200.0
     frames = int(length_m * FRAMES_PER_SECOND / flight.speed_mps)
-    sequence = simulate(flight.world, flight.trajectory, frames, flight.speed_mps, flight.seed)
-    first = int(0.4 * (frames - MOTIONS - 1))
-    robot = Odometry(sequence.camera, flow_method(model.method or {}), lcmsac(model))
-    estimated, true = [], []
-    for k in range(first, first + MOTIONS + 1):
-        motion = robot.step(sequence.image(k), k / FRAMES_PER_SECOND, sequence.depth(k))
-        if k > first:
-            estimated.append(motion)
-            true.append(relative_motion(sequence.T_n_c(k - 1), sequence.T_n_c(k)))
-    with atomic_write(path, "wb") as file:
-        np.savez(
-            file,
-            T=np.array([m.T_k_prev.as_matrix() for m in estimated]),
-            covariance=np.array([m.covariance for m in estimated]),
-            status=[m.status.value for m in estimated],
-            true=np.array([T.as_matrix() for T in true]),
-        )
+    sequence = simulate(flight.world, flight.trajectory, frames, flight.speed_mps, flight.seed, camera)
+    motions = round(flight.seconds * FRAMES_PER_SECOND)
+    first = int(0.4 * (frames - motions - 1))
+    robots = [
+        Odometry(sequence.camera, flow_method(models[name].method or {}), lcmsac(models[name]))
+        for name, _ in missing
+    ]
+    estimated: list[list[EgoMotion]] = [[] for _ in missing]
+    true: list[list[RigidTransform]] = [[] for _ in missing]
+    for k in range(motions + 1):
+        frame = first + k
+        image, depth = sequence.image(frame), sequence.depth(frame)
+        for robot, (_, rate), found, truth in zip(robots, missing, estimated, true):
+            every = FRAMES_PER_SECOND // rate
+            if k % every:
+                continue
+            motion = robot.step(image, frame / FRAMES_PER_SECOND, depth)
+            if k:
+                found.append(motion)
+                truth.append(relative_motion(sequence.T_n_c(frame - every), sequence.T_n_c(frame)))
+    for (name, rate), found, truth in zip(missing, estimated, true):
+        with atomic_write(_cached(flight, name, cache, rate), "wb") as file:
+            np.savez(
+                file,
+                T=np.array([m.T_k_prev.as_matrix() for m in found]),
+                covariance=np.array([m.covariance for m in found]),
+                status=[m.status.value for m in found],
+                true=np.array([T.as_matrix() for T in truth]),
+            )
     print(f"flown {flight.name}", flush=True)
+
+
+def _cached(flight: Flight, name: str, cache: Path, rate: int) -> Path:
+    return cache / f"{flight.name}--{name}{'' if rate == FRAMES_PER_SECOND else f'--{rate}'}.npz"
 
 
 def with_over_time(model: FlowLikelihood, over_time: OverTime | None) -> FlowLikelihood:
@@ -149,7 +183,8 @@ def fitted(flights: list[np.ndarray]) -> Persistence:
         stays = Persistence(*np.exp(free))
         return np.log([stays.long_run_factor(n, 1 / FRAMES_PER_SECOND) for n in lengths]) - mean
 
-    bounds = np.log([[1e-3, 0.02], [9.9, 0.5 * MOTIONS / FRAMES_PER_SECOND]])
+    longest_s = 0.5 * min(flight.seconds for flight in CALIBRATION)
+    bounds = np.log([[1e-3, 0.02], [9.9, longest_s]])
     found = np.exp(least_squares(misfit, np.log([0.5, 0.5]), bounds=bounds).x)
     return Persistence(*(round(float(value), 4) for value in found))
 
@@ -161,10 +196,11 @@ def calibrated(name: str, model: FlowLikelihood, cache: Path) -> OverTime:
     return OverTime(full, given)
 
 
-def nees(motions: Motions, first: int, length: int, model: FlowLikelihood, form: str) -> float:
+def nees(
+    motions: Motions, first: int, length: int, model: FlowLikelihood, form: str, interval_s: float
+) -> float:
     """Squared error of a chain over its stated covariance."""
     chain = list(zip(*motions))[first : first + length]
-    interval_s = 1 / FRAMES_PER_SECOND
     over_time = model.shared_errors.over_time
     if form == "full":
         errors = ChainedErrors(persistence=over_time and over_time.full)
@@ -190,25 +226,34 @@ def nees(motions: Motions, first: int, length: int, model: FlowLikelihood, form:
 
 
 def judged(name: str, model: FlowLikelihood, cache: Path) -> Iterator[Record]:
-    """Chains of the held-out flights: NEES and long-run factors, a record a flight and over all."""
-    for form, freedoms in FORMS.items():
-        for length in CHAINS:
-            means = []
-            for flight in HELD_OUT:
-                motions = flown(flight, name, model, cache)
-                firsts = range(0, MOTIONS - length + 1, max(length // 2, 1))
-                values = [nees(motions, first, length, model, form) for first in firsts]
+    """Chains of the held-out flights: NEES and long-run factors, a record a flight; means are printed."""
+    over_time = model.shared_errors.over_time
+    for form, rate in product(FORMS, RATES):
+        flights = [flown(flight, name, model, cache, rate) for flight in HELD_OUT]
+        errors = [whitened(motions, form) for motions in flights]
+        for length in (round(seconds * rate) for seconds in CHAINS_S):
+            if length < 2:
+                continue
+            means, found = [], []
+            for flight, motions, of_flight in zip(HELD_OUT, flights, errors):
+                firsts = range(0, len(motions.true) - length + 1, max(length // 2, 1))
+                values = [nees(motions, first, length, model, form, 1 / rate) for first in firsts]
                 means.append(float(np.mean(values)))
+                found.append(float(factors(of_flight, (length,))[0]))
                 note = protocol(
-                    model=name, form=form, chain=length, frames_per_second=FRAMES_PER_SECOND,
-                    over_time="none" if model.shared_errors.over_time is None else "calibrated",
+                    model=name, form=form, chain=length, frames_per_second=rate,
+                    over_time="none" if over_time is None else "calibrated",
                 )  # fmt: skip
                 keys = (flight.name, name, model.family.name, model.schedule.name, "lcmsac", len(values), 0)
                 yield Record("nees_mean", means[-1], "", *keys, note)
-                found = float(factors(whitened(motions, form), (length,))[0])
-                yield Record("long_run_factor", found, "", *keys, note)
-            each = " ".join(f"{m:7.1f}" for m in means)
-            print(f"{name:14} {form:15} {length:4} motions: NEES({freedoms}) {np.mean(means):7.1f} | {each}")
+                yield Record("long_run_factor", found[-1], "", *keys, note)
+            what = f"{name:13} {form:14} {rate:2} Hz {length:3} motions"
+            print(f"{what}: NEES {np.mean(means):6.1f} | " + " ".join(f"{m:6.1f}" for m in means))
+            if over_time is not None:
+                stays = over_time.full if form == "full" else over_time.given_rotation
+                stated = stays.long_run_factor(length, 1 / rate)
+                print(f"{'':32} long-run factor over the calibrated one: ", end="")
+                print(" ".join(f"{f / stated:.2f}" for f in found))
 
 
 def main() -> None:
@@ -222,8 +267,12 @@ def main() -> None:
     options = parser.parse_args()
     options.cache.mkdir(parents=True, exist_ok=True)
     records: list[Record] = []
-    for path in options.models:
-        name, model = Path(path).stem, load_likelihood(path)
+    models = {Path(path).stem: load_likelihood(path) for path in options.models}
+    for flight in CALIBRATION:
+        fly(flight, models, options.cache, (FRAMES_PER_SECOND,))
+    for flight in HELD_OUT:
+        fly(flight, models, options.cache, RATES)
+    for name, model in models.items():
         over_time = calibrated(name, model, options.cache)
         print(f"{name}: {over_time}")
         for known in (None, over_time):
