@@ -21,9 +21,15 @@ def retract(T, step):  # type: ignore[no-untyped-def]
     angle = np.sqrt(wx * wx + wy * wy + wz * wz)
     a = np.sin(angle) / angle if angle > 1e-8 else 1.0
     b = (1 - np.cos(angle)) / (angle * angle) if angle > 1e-8 else 0.5
-    W = np.array([[0.0, -wz, wy], [wz, 0.0, -wx], [-wy, wx, 0.0]])
-    E = np.eye(3) + a * W + b * (W @ W)
-    moved = E @ T
+    # exp(W) = 1 + a W + b W^2, written out: arrays in expressions take seconds to compile
+    E00, E01, E02 = 1 - b * (wy * wy + wz * wz), b * wx * wy - a * wz, b * wx * wz + a * wy
+    E10, E11, E12 = b * wx * wy + a * wz, 1 - b * (wx * wx + wz * wz), b * wy * wz - a * wx
+    E20, E21, E22 = b * wx * wz - a * wy, b * wy * wz + a * wx, 1 - b * (wx * wx + wy * wy)
+    moved = np.empty((3, 4))
+    for j in range(4):
+        moved[0, j] = E00 * T[0, j] + E01 * T[1, j] + E02 * T[2, j]
+        moved[1, j] = E10 * T[0, j] + E11 * T[1, j] + E12 * T[2, j]
+        moved[2, j] = E20 * T[0, j] + E21 * T[1, j] + E22 * T[2, j]
     for i in range(3):
         moved[i, 3] += step[3 + i]
     return moved
@@ -224,7 +230,7 @@ def three_point_motions(samples, start, directions, rho, ends, camera):  # type:
     motions, converged = np.empty((len(samples), 3, 4)), np.zeros(len(samples), np.bool_)
     A, b, J = np.empty((6, 6)), np.empty(6), np.empty((2, 6))
     for k in range(len(samples)):
-        T = start.copy()
+        T = start
         for _ in range(NEWTON_STEPS):
             worst, valid = 0.0, True
             for s in range(3):
@@ -232,7 +238,8 @@ def three_point_motions(samples, start, directions, rho, ends, camera):  # type:
                 u, v, ahead = _depth_rows(T, directions[i], rho[i], ends[i], camera, J)
                 valid = valid and ahead
                 worst = max(worst, abs(u), abs(v))
-                A[2 * s], A[2 * s + 1] = J[0], J[1]
+                for j in range(6):
+                    A[2 * s, j], A[2 * s + 1, j] = J[0, j], J[1, j]
                 b[2 * s], b[2 * s + 1] = -u, -v
             if not valid:
                 break
@@ -242,7 +249,8 @@ def three_point_motions(samples, start, directions, rho, ends, camera):  # type:
             if not _solve6(A, b):
                 break
             T = retract(T, b)
-        motions[k] = T
+        for j in range(4):
+            motions[k, 0, j], motions[k, 1, j], motions[k, 2, j] = T[0, j], T[1, j], T[2, j]
     return motions, converged
 
 

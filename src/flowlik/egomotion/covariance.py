@@ -200,21 +200,25 @@ def _spline(a, w):  # type: ignore[no-untyped-def]
         w[k] *= norm
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
-def smoothed_products(pixels, G, weights, spacing):  # type: ignore[no-untyped-def]
+def smoothed_products(pixels: Array, G: Array, weights: Array, spacing: float) -> Array:
     """``sum_kij w_k k(p_i - p_j) G_ik^T G_jk`` (6, 6) of G (N, K, 6) and weights w (K,).
 
     k is the overlap of two splines: G is spread over a grid and the nodes' squares are added up.
     """
+    cells = (pixels - pixels.min(axis=0)) / spacing
+    columns, rows = cells.max(axis=0).astype(np.intp) + 4
     kinds = np.flatnonzero(weights)
-    roots, width = np.sqrt(weights[kinds]), len(kinds) * 6
-    u0, v0 = pixels[:, 0].min(), pixels[:, 1].min()
-    columns = int((pixels[:, 0].max() - u0) / spacing) + 4
-    rows = int((pixels[:, 1].max() - v0) / spacing) + 4
+    return np.asarray(_spread(cells, G, kinds, np.sqrt(weights[kinds]), rows, columns))
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+def _spread(cells, G, kinds, roots, rows, columns):  # type: ignore[no-untyped-def]
+    """Squares (6, 6), over nodes and kinds, of G spread over a grid of nodes one cell apart."""
+    width = len(kinds) * 6
     grid = np.zeros((rows, columns * width))
     flat, line, wu, wv = np.empty(width), np.empty(4 * width), np.empty(4), np.empty(4)
-    for i in range(len(pixels)):
-        u, v = (pixels[i, 0] - u0) / spacing, (pixels[i, 1] - v0) / spacing
+    for i in range(len(cells)):
+        u, v = cells[i, 0], cells[i, 1]
         c0, r0 = int(u), int(v)
         _spline(u - c0, wu)
         _spline(v - r0, wv)
@@ -223,12 +227,17 @@ def smoothed_products(pixels, G, weights, spacing):  # type: ignore[no-untyped-d
                 flat[6 * k + j] = roots[k] * G[i, kinds[k], j]
         # four nodes side by side are one row of numbers
         for c in range(4):
-            part = line[c * width : (c + 1) * width]
             for j in range(width):
-                part[j] = wu[c] * flat[j]
+                line[c * width + j] = wu[c] * flat[j]
         for r in range(4):
             nodes = grid[r0 + r, c0 * width : (c0 + 4) * width]
             for j in range(4 * width):
                 nodes[j] += wv[r] * line[j]
-    each = grid.reshape(rows * columns * len(kinds), 6)
-    return each.T @ each
+    total = np.zeros((6, 6))
+    for r in range(rows):
+        for first in range(0, columns * width, 6):
+            g = grid[r, first : first + 6]
+            for j in range(6):
+                for m in range(6):
+                    total[j, m] += g[j] * g[m]
+    return total
