@@ -208,12 +208,13 @@ def smoothed_products(pixels: Array, G: Array, weights: Array, spacing: float) -
     cells = (pixels - pixels.min(axis=0)) / spacing
     columns, rows = cells.max(axis=0).astype(np.intp) + 4
     kinds = np.flatnonzero(weights)
-    return np.asarray(_spread(cells, G, kinds, np.sqrt(weights[kinds]), rows, columns))
+    each = _spread(cells, G, kinds, np.sqrt(weights[kinds]), rows, columns).reshape(-1, 6)
+    return np.asarray(each.T @ each)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
 def _spread(cells, G, kinds, roots, rows, columns):  # type: ignore[no-untyped-def]
-    """Squares (6, 6), over nodes and kinds, of G spread over a grid of nodes one cell apart."""
+    """G spread over a grid of nodes one cell apart: (rows, columns x kinds x 6)."""
     width = len(kinds) * 6
     grid = np.zeros((rows, columns * width))
     flat, line, wu, wv = np.empty(width), np.empty(4 * width), np.empty(4), np.empty(4)
@@ -233,11 +234,4 @@ def _spread(cells, G, kinds, roots, rows, columns):  # type: ignore[no-untyped-d
             nodes = grid[r0 + r, c0 * width : (c0 + 4) * width]
             for j in range(4 * width):
                 nodes[j] += wv[r] * line[j]
-    total = np.zeros((6, 6))
-    for r in range(rows):
-        for first in range(0, columns * width, 6):
-            g = grid[r, first : first + 6]
-            for j in range(6):
-                for m in range(6):
-                    total[j, m] += g[j] * g[m]
-    return total
+    return grid
