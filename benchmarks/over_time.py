@@ -71,12 +71,12 @@ CALIBRATION = (
     Flight("forest", "training", 9.0, 305),
 )
 HELD_OUT = (
-    Flight("forest", "forest-fig8", 6.0, 400, 30.0),
-    Flight("forest", "training", 4.0, 401, 30.0),
     Flight("planes", "training", 3.0, 402, 30.0),
-    Flight("forest", "curve", 3.0, 403, 30.0),
+    Flight("forest", "forest-fig8", 6.0, 400, 30.0, 320),
+    Flight("forest", "training", 4.0, 401, 30.0, 320),
     Flight("planes", "training", 6.0, 404, 30.0),
-    Flight("forest", "straight", 2.5, 405, 30.0),
+    Flight("forest", "curve", 3.0, 403, 30.0, 320),
+    Flight("forest", "straight", 2.5, 405, 30.0, 320),
 )
 
 

@@ -61,6 +61,6 @@ images=$tmp/flight/image_lcam_front
 
 "$bin/pip" install --quiet pytest hypothesis "${packages[@]}"
 mkdir "$tmp/checkout"
-cp -r tests docs benchmarks examples mkdocs.yml pyproject.toml README.md CHANGELOG.md CITATION.cff "$tmp/checkout"
+cp -r src tests docs benchmarks examples mkdocs.yml pyproject.toml README.md CHANGELOG.md CITATION.cff CONTRIBUTING.md "$tmp/checkout"
 cd "$tmp/checkout"
 "$bin/python" -m pytest -p no:cacheprovider ${tests[@]+"${tests[@]}"}

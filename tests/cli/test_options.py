@@ -61,6 +61,7 @@ def words_of(options):
 @pytest.fixture(scope="module")
 def told(flight, tmp_path_factory):
     """What each command recorded, and what it told the outside, of a run with no option at its default."""
+    pytest.importorskip("rosbags")
     told = {command: {} for command in OPTIONS}
     data = {
         "odometry": (flight,),

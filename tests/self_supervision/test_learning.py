@@ -50,7 +50,7 @@ def test_the_law_of_the_errors_is_found(learned):
     ratio = likelihood.bound(x, 0.5)[large] / (SIZE_PX * residual[large])
     assert np.quantile(ratio, [0.1, 0.5, 0.9]) == pytest.approx([0.78] * 3, rel=0.4)
     reading = Reading.of(likelihood, errors)
-    assert reading.coverage == pytest.approx((0.5, 0.68, 0.9, 0.95), abs=0.07)
+    assert reading.coverage == pytest.approx((0.5, 0.68, 0.9, 0.95), abs=0.09)
 
 
 def test_the_model_says_what_it_is(learned, tmp_path):

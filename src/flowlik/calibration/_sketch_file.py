@@ -6,12 +6,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from flowlik.calibration.sketch import ErrorSketch
 from flowlik.errors import DataError
 from flowlik.likelihood.schedule import index_of_values, index_values
-from flowlik.support.files import atomic_write, read_npz
+from flowlik.support.files import read_npz, write_npz
 
 LAYOUT = 1
 """Number of what sketches count and how they are kept; one more makes saved ones of older code unusable."""
@@ -31,9 +29,7 @@ def save_sketch(sketch: ErrorSketch, path: Path | str) -> None:
         "index": index_values(sketch.index), "pairs": sketch.pairs, "columns": sketch.columns,
         "excluded": sketch.excluded,
     }  # fmt: skip
-    arrays: Any = {name: getattr(sketch, name) for name in ARRAYS}
-    with atomic_write(Path(path), "wb") as file:
-        np.savez_compressed(file, header=json.dumps(header), **arrays)
+    write_npz(path, {"header": json.dumps(header), **{name: getattr(sketch, name) for name in ARRAYS}})
 
 
 def load_sketch(path: Path | str) -> ErrorSketch:

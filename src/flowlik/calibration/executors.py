@@ -31,6 +31,7 @@ Map = Callable[..., Iterator[Any]]
 AHEAD = 2
 """Blocks under way for each worker: one that is measured, one that waits."""
 
+ALGEBRA_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 WAIT_S = 30
 AGAIN = "run the same command again to go on from the sketches already saved"
 
@@ -121,9 +122,14 @@ def _processes(workers: int, scheduler: str | None) -> Iterator[Map]:
 
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin_worker)
+    # workers read it as they start: threads of their algebra libraries would spin on their neighbours' cores
+    said = {name: "1" for name in ALGEBRA_THREADS if name not in os.environ}
+    os.environ.update(said)
     try:
         yield _bounded(pool.submit, result, AHEAD * workers)
     finally:
+        for name in said:
+            os.environ.pop(name, None)
         pool.shutdown(cancel_futures=True)
 
 

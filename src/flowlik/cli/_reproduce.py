@@ -43,10 +43,12 @@ def run(
 
     Example: `flowlik reproduce --quick --out run`
     """
+    from flowlik.calibration import executor
     from flowlik.commands import reproduce
     from flowlik.commands.plans import BYTES_A_FRAME, FULL, QUICK
     from flowlik.errors import DataError
     from flowlik.support.progress import terminal_progress
+    from flowlik.support.threads import THREADS
 
     if kitti is not None:
         from flowlik.commands import kitti_table
@@ -74,4 +76,6 @@ def run(
         typer.echo(
             f"{plan.frames} frames are rendered once, to about {size:.0f} GB in {out / 'flights'}", err=True
         )
-    show_run(reproduce(out, plan, command=command_line(), progress=terminal_progress), json, verbose)
+    with executor("processes" if THREADS > 1 else "serial") as map:
+        done = reproduce(out, plan, command_line(), terminal_progress, map)
+    show_run(done, json, verbose)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flowlik.commands._pictures import uncertainty_picture
 from flowlik.commands.options import FlowOptions
@@ -31,7 +31,7 @@ from flowlik.report.viewer import viewer
 from flowlik.results.records import Record, protocol
 from flowlik.results.runs import RunFolder
 from flowlik.support.arrays import Array
-from flowlik.support.files import atomic_write
+from flowlik.support.files import write_npz
 
 COVERAGES = (0.5, 0.68, 0.9, 0.95)
 
@@ -131,11 +131,11 @@ def _write(
     confidence: float,
 ) -> None:
     """Write flow and uncertainty: vectors as npz, maps as .flo and as 16-bit PNG."""
-    with atomic_write(run.path / "flow.npz", "wb") as file:
-        np.savez_compressed(
-            file, pixels=m.pixels, flow_px=m.flow, half_width_px=half_width, R_i_e=m.R_i_e,
-            texture=m.t, confidence=confidence, covariance_px2=covariance,
-        )  # fmt: skip
+    arrays: dict[str, ArrayLike] = {
+        "pixels": m.pixels, "flow_px": m.flow, "half_width_px": half_width, "R_i_e": m.R_i_e,
+        "texture": m.t, "confidence": confidence, "covariance_px2": covariance,
+    }  # fmt: skip
+    write_npz(run.path / "flow.npz", arrays)
     flow = picture["flow"].astype(np.float64)
     write_flo(run.path / "flow.flo", flow)
     write_uncertainty(run.path / "uncertainty.png", picture["half_width"], picture["angle"])

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from flowlik.calibration import (
     BOOTSTRAP_BLOCKS,
@@ -47,6 +49,7 @@ def reproduce(
     plan: Plan = QUICK,
     command: str = "flowlik reproduce --quick",
     progress: Progress = no_progress,
+    map: Callable[..., Iterable[Any]] = map,
 ) -> RunFolder:
     """Simulate, calibrate Farnebäck and Lucas-Kanade, evaluate on other flights, and fly on those.
 
@@ -62,32 +65,43 @@ def reproduce(
         Command line that repeats the run.
     progress : Progress
         Told how far it is.
+    map : callable
+        Where flights are sketched, tables fitted and figures drawn: the built-in one, or that of
+        `flowlik.calibration.executor`. The results are the same.
 
     Raises
     ------
     DataError
         If the folder holds something else, or cannot be written to.
+    CalibrationError
+        If a worker of the map dies.
     """
     run = RunFolder(out, command, asdict(plan), seed=plan.calibration[0].seed)
     methods = [PRESETS[PAPER.get(name, name)] for name in METHODS]
     camera = Pinhole.from_fov(plan.width, plan.height, plan.fov_deg)
 
-    models = _calibrated(run, plan, methods, camera, progress)
+    models = _calibrated(run, plan, methods, camera, progress, map)
     for flight in plan.held_out:
         indices = [(Index(), models[method.name]["index"].schedule.index) for method in methods]
         tasks = [Task(m, i, pixels=plan.dense_pixels) for m, i in zip(methods, indices)]
         sequence = flight_sequence(run, plan, flight, camera)
-        found = _sketch(sequence, plan, flight, tasks, progress, BOOTSTRAP_BLOCKS // len(tasks))
+        most = BOOTSTRAP_BLOCKS // len(tasks)
+        found = _sketch(sequence, plan, flight, tasks, progress, most, map)
         for method in methods:
             _evaluate(run, plan, flight, method, models[method.name], found.pop(0), found.pop(0))
         fly(run, plan, flight, camera, methods, models, progress)
     add_ratios(run, plan)
-    finish(run)
+    finish(run, map)
     return run
 
 
 def _calibrated(
-    run: RunFolder, plan: Plan, methods: list[FlowMethod], camera: Pinhole, progress: Progress
+    run: RunFolder,
+    plan: Plan,
+    methods: list[FlowMethod],
+    camera: Pinhole,
+    progress: Progress,
+    map: Callable[..., Iterable[Any]],
 ) -> dict[str, dict[str, FlowLikelihood]]:
     """Models of every method by name; the sketches behind them are gone with this call."""
     sketches: dict[str, list[list[ErrorSketch]]] = {method.name: [] for method in methods}
@@ -98,12 +112,15 @@ def _calibrated(
         tasks = [Task(m, keep=index_form(m).covariates, pixels=plan.dense_pixels) for m in seeing]
         sequence = flight_sequence(run, plan, flight, camera)
         spread = spread_pairs(sequence, SHARED_PAIRS, flight.seed)
-        for task, blocks in zip(tasks, _sketch(sequence, plan, flight, tasks, progress, most)):
+        for task, blocks in zip(tasks, _sketch(sequence, plan, flight, tasks, progress, most, map)):
             sketches[task.method.name].append(blocks)
-            pairs[task.method.name] += measured_pairs(spread, task.method, task.texture, task.signals)
+            pairs[task.method.name] += measured_pairs(spread, task.method, task.texture, task.signals, map)
+    names = [method.name for method in methods]
+    kept = [sketches.pop(name) for name in names]
+    fitted = map(_fit, [plan] * len(names), methods, kept, [pairs.pop(name) for name in names])
     models = {}
-    for method in progress(iter(methods), "fits", len(methods)):
-        models[method.name] = _calibrate(run, plan, method, sketches.pop(method.name), pairs.pop(method.name))
+    for method, flights, found in zip(methods, kept, progress(fitted, "fits", len(names))):
+        models[method.name] = _keep(run, plan, method, flights, found)
     return models
 
 
@@ -114,21 +131,21 @@ def _sketch(
     tasks: list[Task],
     progress: Progress,
     most: int,
+    map: Callable[..., Iterable[Any]],
 ) -> list[list[ErrorSketch]]:
     """At most so many blocks of sketches of a flight, a list for each task and each of its indices."""
     blocks = split_blocks(sequence, flight.seed, BLOCK)
-    sketched = progress(sketch_blocks(blocks, tasks), plan.dataset(flight), len(blocks))
+    sketched = progress(sketch_blocks(blocks, tasks, map), plan.dataset(flight), len(blocks))
     return gather(sketched, len(blocks), most)
 
 
-def _calibrate(
-    run: RunFolder,
-    plan: Plan,
-    method: FlowMethod,
-    flights: list[list[ErrorSketch]],
-    pairs: Pairs,
+def _fit(
+    plan: Plan, method: FlowMethod, flights: list[list[ErrorSketch]], pairs: Pairs
 ) -> dict[str, FlowLikelihood]:
-    """Likelihoods of every family over texture, by family, and ``"index"``: the best over a learned index."""
+    """Likelihoods of every family over texture, by family, and ``"index"``: the best over a learned index.
+
+    What flies, the index and ``"lcm"``, knows what errors share.
+    """
     blocks = [block for flight in flights for block in flight]
     provenance: dict[str, object] = {
         "world": plan.world,
@@ -136,19 +153,29 @@ def _calibrate(
         "sensor": "default",
     }
     models = fit_families(blocks, method, provenance, FAMILIES_SHOWN, SMOOTHING_NAT)
-    run.save("table", method.name, table_arrays(merge_all(blocks), models["lcm"]))
     index = schedule_index("index", flights, index_form(method))
     over = [block.over(index) for block in blocks]
     best = fit_families(over, method, provenance, (BEST_FAMILY,), SMOOTHING_NAT)
+    shared = {"index": best[BEST_FAMILY], "lcm": models["lcm"]}
+    return {**models, **{name: with_shared_errors(model, pairs) for name, model in shared.items()}}
+
+
+def _keep(
+    run: RunFolder,
+    plan: Plan,
+    method: FlowMethod,
+    flights: list[list[ErrorSketch]],
+    models: dict[str, FlowLikelihood],
+) -> dict[str, FlowLikelihood]:
+    """Evidence in sample of a method's likelihoods, and the files of those that fly."""
+    blocks = [block for flight in flights for block in flight]
+    over = [block.over(models["index"].schedule.index) for block in blocks]
+    run.save("table", method.name, table_arrays(merge_all(blocks), models["lcm"]))
     dataset = f"{plan.world}-calibration"
-    shown = [*models.values(), best[BEST_FAMILY]]
-    _add_evidence(run, [blocks, over], shown, dataset, method, plan, "in sample")
-    fitted = {"index": best[BEST_FAMILY], "lcm": models["lcm"]}
-    used = {name: with_shared_errors(model, pairs) for name, model in fitted.items()}
-    folder = run.path / "models"
-    save_likelihood(with_goodness(used["index"], run.records), folder / f"{method.name}.json")
-    save_likelihood(with_goodness(used["lcm"], run.records), folder / f"{method.name}-lcm.json")
-    return {**models, **used}
+    _add_evidence(run, [blocks, over], list(models.values()), dataset, method, plan, "in sample")
+    for name, file in (("index", method.name), ("lcm", f"{method.name}-lcm")):
+        save_likelihood(with_goodness(models[name], run.records), run.path / "models" / f"{file}.json")
+    return models
 
 
 def _evaluate(

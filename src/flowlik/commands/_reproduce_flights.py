@@ -68,7 +68,10 @@ def fly(
     DataError
         If the flight, or its folder, is no sequence with depth.
     """
-    sequence, dataset = flight_sequence(run, plan, flight, camera), plan.dataset(flight)
+    sequence: Any = flight_sequence(run, plan, flight, camera)
+    if not plan.cached:
+        sequence = _Kept(sequence)
+    dataset = plan.dataset(flight)
     truth = true_trajectory(sequence, flight.pairs + 1)
     assert truth is not None
     for method in methods:
@@ -115,6 +118,26 @@ def fly(
             run.save("flow-sequence", f"{method.name}-{dataset}", _flow_sequence(sequence, method))
         if flight == plan.held_out[0]:
             run.save("uncertainty", f"{method.name}-{dataset}", _uncertainty(sequence, method, best))
+
+
+class _Kept:
+    """A short flight of which each frame is rendered once, whoever asks for it."""
+
+    def __init__(self, inner: ImageSequence) -> None:
+        self._inner = inner
+        self._frames = [(inner.image(k), inner.depth(k)) for k in range(len(inner))]
+
+    def __len__(self) -> int:
+        return len(self._inner)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._inner, name)
+
+    def image(self, k: int) -> NDArray[np.uint8]:
+        return self._frames[k][0]
+
+    def depth(self, k: int) -> Array:
+        return self._frames[k][1]
 
 
 def _motions(

@@ -16,7 +16,7 @@ from flowlik.geometry.motion import adjoint
 from flowlik.geometry.trajectory import Trajectory
 from flowlik.likelihood.over_time import Persistence
 from flowlik.support.arrays import Array
-from flowlik.support.files import atomic_write, read_text
+from flowlik.support.files import atomic_write, read_text, write_npz
 
 AXES = ("rx", "ry", "rz", "tx", "ty", "tz")
 PAIRS = tuple((i, j) for i in range(6) for j in range(i, 6))
@@ -180,14 +180,13 @@ def _write_trajectory_npz(path: Path | str, trajectory: Trajectory, covariance: 
     DataError
         If the place cannot be written to.
     """
-    with atomic_write(path, "wb") as file:
-        np.savez_compressed(
-            file,
-            timestamps_s=trajectory.timestamps,
-            T_n_c=trajectory.poses.as_matrix(),
-            pose_covariance=covariance.poses,
-            motion_covariance=covariance.motions,
-        )
+    arrays = {
+        "timestamps_s": trajectory.timestamps,
+        "T_n_c": trajectory.poses.as_matrix(),
+        "pose_covariance": covariance.poses,
+        "motion_covariance": covariance.motions,
+    }
+    write_npz(path, arrays)
 
 
 def write_covariance(

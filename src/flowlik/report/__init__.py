@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from flowlik.report._style import Data
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
 __all__ = ["build", "finish", "save_figure"]
 
 
-def build(run: Path, svg: bool = False) -> Path:
+def build(run: Path, svg: bool = False, map: Callable[..., Iterable[Any]] = map) -> Path:
     """Draw every figure of a run folder and write its page.
 
     Parameters
@@ -21,6 +22,8 @@ def build(run: Path, svg: bool = False) -> Path:
         Folder with ``run.json``, ``metrics.json`` and ``data/<kind>--<label>.npz``.
     svg : bool
         Whether to draw the figures as SVG too.
+    map : callable
+        Where the figures are drawn: the built-in one, or that of a pool of processes.
 
     Returns
     -------
@@ -34,10 +37,10 @@ def build(run: Path, svg: bool = False) -> Path:
     """
     from flowlik.report._page import write_report
 
-    return write_report(Path(run), svg)
+    return write_report(Path(run), svg, map)
 
 
-def finish(run: RunFolder) -> Path:
+def finish(run: RunFolder, map: Callable[..., Iterable[Any]] = map) -> Path:
     """Finish a run, draw its page and return the page's path.
 
     Raises
@@ -45,7 +48,7 @@ def finish(run: RunFolder) -> Path:
     DataError
         As `build`.
     """
-    return build(run.finish())
+    return build(run.finish(), map=map)
 
 
 def save_figure(kind: str, data: Data, stem: Path) -> tuple[Path, Path]:

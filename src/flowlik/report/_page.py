@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -67,7 +67,7 @@ class Picture:
     png: str
 
 
-def write_report(folder: Path, svg: bool = False) -> Path:
+def write_report(folder: Path, svg: bool = False, map: Callable[..., Iterable[Any]] = map) -> Path:
     """Draw a run's figures and write its page; see :func:`flowlik.report.build`.
 
     Raises
@@ -79,14 +79,17 @@ def write_report(folder: Path, svg: bool = False) -> Path:
     sections: dict[str, list[tuple[int, Picture]]] = {}
     skipped = []
     paths = sorted((folder / "data").glob("*.npz"))
+    drawn = []
     for path in paths:
         kind, _, label = path.stem.partition("--")
         if kind not in FIGURES:
             skipped.append(f"data/{path.name} is of no known kind of figure and was not drawn")
             continue
-        name, rest = _section(label, run.records)
-        order = list(FIGURES).index(kind)
-        sections.setdefault(name, []).append((order, _picture(folder, path, kind, rest, svg)))
+        drawn.append((path, kind, *_section(label, run.records)))
+    arguments = [(folder, path, kind, rest, svg) for path, kind, _, rest in drawn]
+    pictures = map(_picture, *zip(*arguments)) if arguments else ()
+    for (_, kind, name, _), picture in zip(drawn, pictures):
+        sections.setdefault(name, []).append((list(FIGURES).index(kind), picture))
     ordered = [
         (name, [p for _, p in sorted(sections[name], key=lambda o: o[0])]) for name in sorted(sections)
     ]

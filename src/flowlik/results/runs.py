@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from flowlik.errors import DataError
 from flowlik.results.records import Record, write_records
-from flowlik.support.files import atomic_write, read_json, write_json
+from flowlik.support.files import read_json, write_json, write_npz
 from flowlik.support.versions import versions
 
 FINISHED, UNFINISHED = "run.json", "unfinished.json"
@@ -85,9 +84,7 @@ class RunFolder:
             If the place cannot be written to.
         """
         path = self.begin() / "data" / f"{kind}--{label}.npz"
-        with atomic_write(path, "wb") as file:
-            contents: Any = {name: np.asarray(value) for name, value in arrays.items()}
-            np.savez_compressed(file, **contents)
+        write_npz(path, arrays)
         self._written.add(path)
 
     def warn(self, message: str) -> None:

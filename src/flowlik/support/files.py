@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import errno
+import io
 import json
 import math
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 from uuid import uuid4
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flowlik.errors import DataError
 
@@ -77,6 +78,23 @@ def atomic_write(path: Path | str, mode: str = "w") -> Iterator[IO[Any]]:
         if isinstance(error, OSError) and error.errno in FULL:
             raise DataError(f"{path}: cannot be written ({error.strerror})") from error
         raise
+
+
+def write_npz(path: Path | str, arrays: Mapping[str, ArrayLike]) -> None:
+    """Write arrays to a compressed npz file, whole or not at all.
+
+    It is made in memory first: numpy's own writer, closed by a full disk, prints a traceback as it is freed.
+
+    Raises
+    ------
+    DataError
+        If the place cannot be written to, or is full.
+    """
+    contents: Any = {name: np.asarray(value) for name, value in arrays.items()}
+    made = io.BytesIO()
+    np.savez_compressed(made, **contents)
+    with atomic_write(path, "wb") as file:
+        file.write(made.getbuffer())
 
 
 def write_json(path: Path | str, value: Any) -> None:

@@ -19,4 +19,4 @@ kernel = _compiled(nogil=True)
 """Decorates a function that stays a function."""
 
 inlined = _compiled(nogil=True, forceinline=True)
-"""Decorates a function that is written out where it is called: by LLVM, in two thirds of the time that numba needs."""
+"""Decorates a function that is written out where it is called: by LLVM, which is faster at it than numba."""

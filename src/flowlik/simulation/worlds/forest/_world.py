@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -117,25 +117,7 @@ class ForestWorld(SentAsParameters):
 
     @cached_property
     def _scene(self) -> Scene:
-        kinds = make_kinds(self.seed, self.leaves, self.foliage)
-        ground = [
-            *self._terrain.patches(material("ground")),
-            *hills(self.seed, self._terrain, material("hills")),
-        ]
-        prototypes = [Prototype(mesh) for mesh in ground]
-        copies = [(i, placed(np.zeros(3))) for i in range(len(prototypes))]
-        stand = self._layout(kinds)
-        for name, things in kinds.items():
-            copies += [(len(prototypes) + which, transform) for which, transform in stand[name]]
-            prototypes += things
-        return Scene.of(
-            prototypes,
-            Instances.of(copies),
-            list(MATERIALS.values()),
-            self.light,
-            self.seed,
-            shadow_area=(*CENTRE_M, self.extent_m / 2),
-        )
+        return _built(self)
 
     @property
     def _counts(self) -> dict[str, int]:
@@ -152,3 +134,27 @@ class ForestWorld(SentAsParameters):
 
     def _layout(self, kinds: dict[str, list[Prototype]]) -> dict[str, list[tuple[int, Array]]]:
         return planted(self.seed, self._terrain, self._counts, kinds)
+
+
+# flights through one forest build it once
+@lru_cache(maxsize=1)
+def _built(world: ForestWorld) -> Scene:
+    kinds = make_kinds(world.seed, world.leaves, world.foliage)
+    ground = [
+        *world._terrain.patches(material("ground")),
+        *hills(world.seed, world._terrain, material("hills")),
+    ]
+    prototypes = [Prototype(mesh) for mesh in ground]
+    copies = [(i, placed(np.zeros(3))) for i in range(len(prototypes))]
+    stand = world._layout(kinds)
+    for name, things in kinds.items():
+        copies += [(len(prototypes) + which, transform) for which, transform in stand[name]]
+        prototypes += things
+    return Scene.of(
+        prototypes,
+        Instances.of(copies),
+        list(MATERIALS.values()),
+        world.light,
+        world.seed,
+        shadow_area=(*CENTRE_M, world.extent_m / 2),
+    )
