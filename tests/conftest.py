@@ -1,9 +1,20 @@
 """Fixtures shared by all tests."""
 
 import os
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
+
+# read when numpy is first imported: threads of its algebra would spin on the core of the other worker
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+def pytest_addoption(parser):
+    """Without pytest-xdist its options, which pyproject.toml gives, change nothing."""
+    for option in ("--numprocesses", "--maxprocesses", "--dist"):
+        with suppress(ValueError):  # it is there
+            parser.addoption(option)
 
 
 @pytest.fixture(scope="session")

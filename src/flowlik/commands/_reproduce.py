@@ -119,7 +119,7 @@ def _calibrated(
     kept = [sketches.pop(name) for name in names]
     fitted = map(_fit, [plan] * len(names), methods, kept, [pairs.pop(name) for name in names])
     models = {}
-    for method, flights, found in zip(methods, kept, progress(fitted, "fits", len(names))):
+    for found, method, flights in zip(progress(fitted, "fits", len(names)), methods, kept):
         models[method.name] = _keep(run, plan, method, flights, found)
     return models
 
