@@ -102,7 +102,7 @@ def told(flight, tmp_path_factory):
             one = partial(_calibrate.fit_families, names=("lcm",))
             patch.setattr("flowlik.commands._calibrate.fit_families", one)
             patch.setattr("flowlik.commands._odometry.viewer", shown)
-            patch.setattr("flowlik.report.build", lambda run: run / "report.html")
+            patch.setattr("flowlik.report.build", lambda run, **_: run / "report.html")
             out = tmp_path_factory.mktemp("options") / command
             succeed(command, *data[command], *words_of(OTHER[command]), "--out", out)
         description = json.loads((out / "run.json").read_text())
