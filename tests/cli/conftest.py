@@ -41,7 +41,7 @@ def models(calibrations) -> dict[str, Path]:
 @pytest.fixture
 def undrawn(monkeypatch):
     """Runs without figures and page, which take most of a small run's time."""
-    monkeypatch.setattr("flowlik.report.build", lambda run: run / "report.html")
+    monkeypatch.setattr("flowlik.report.build", lambda run, **_: run / "report.html")
 
 
 @pytest.fixture

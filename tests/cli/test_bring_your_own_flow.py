@@ -46,7 +46,7 @@ def workshop(quick, tmp_path_factory):
     folder, path, modules = tmp_path_factory.mktemp("workshop"), list(sys.path), set(sys.modules)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr("flowlik.report.build", lambda run: run / "report.html")
+        patch.setattr("flowlik.report.build", lambda run, **_: run / "report.html")
         find.cache_clear()
         follow("1. A function of two images")
         follow("2. Calibrate it")

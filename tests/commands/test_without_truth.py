@@ -24,7 +24,7 @@ def test_a_run_holds_the_model_and_what_was_found(tmp_path, monkeypatch):
     monkeypatch.setattr(_without_truth, "read_data", lambda *_: Frames())
     monkeypatch.setattr(_without_truth, "seen_pairs", lambda *a: (seen_pair(rng, 160) for _ in a[1]))
     monkeypatch.setattr("flowlik.self_supervision.learning.ROUNDS", 1)
-    monkeypatch.setattr("flowlik.report.build", lambda run: run / "report.html")
+    monkeypatch.setattr("flowlik.report.build", lambda run, **_: run / "report.html")
     options = TruthlessOptions(residual="epipolar", family="laplace")
     run = calibrate_without_truth([tmp_path], "lucas-kanade", tmp_path / "run", options)
     model = load_likelihood(run.path / "models" / "lucas-kanade-epipolar.json")
