@@ -1,8 +1,9 @@
 """The smoother against the error-state filter on the same draws, in an outage of GPS, and under a monitor.
 
-    python benchmarks/fusion.py --cache CACHE --out RUN [--models lucas-kanade] [--draws 12] [--only held-out]
+    python benchmarks/fusion.py --out RUN [--cache CACHE] [--draws 12] [--only held-out]
 
-The motions are those that `over_time.py` left in CACHE, of 3 s or of 30 s and more. IMU (EuRoC's noise
+The motions are those that `over_time.py` left in CACHE, of 3 s or of 30 s and more; without CACHE they are
+drawn as the model says, which is no measurement (`gps_integrity_flights.py`). IMU (EuRoC's noise
 densities, turn-on biases), GPS (5 a second, 1.5 m an axis) and the start are drawn, the same for both.
 Flights of 30 s and more lose GPS for 20 s, once; and GPS is carried off from 10 s on, for the monitor, whose
 thresholds are of `drawn_maxima` on each flight.
@@ -50,7 +51,16 @@ from flowlik.odometry import FlowFactor
 from flowlik.results.records import Record, protocol, write_records
 from fused_over_time import GPS_PER_SECOND, GPS_SIGMA_M, JUDGED_PER_SECOND, Factors, poses_of, told, ways
 from gps_integrity import A_FLIGHT, ONSET_S, RATES_MPS, THRESHOLD_DRAWS, carried_off
-from gps_integrity_flights import COLOURED, GPS_MEMORY_S, WHITE, Flight, Receiver, measured_flights, shifted
+from gps_integrity_flights import (
+    COLOURED,
+    GPS_MEMORY_S,
+    WHITE,
+    Flight,
+    Receiver,
+    drawn_flight,
+    measured_flights,
+    shifted,
+)
 from over_time import CALIBRATION, FRAMES_PER_SECOND
 
 LONG_S = 29.9
@@ -319,7 +329,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--cache", type=Path, required=True)
+    parser.add_argument("--cache", type=Path, help="motions of over_time.py; drawn ones without")
+    parser.add_argument("--drawn", type=int, default=8, help="flights of 33 s, where there is no cache")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--models", nargs="+", default=("lucas-kanade",))
     parser.add_argument("--draws", type=int, default=12)
@@ -331,7 +342,11 @@ def main() -> None:
     for model in options.models:
         likelihood = load_likelihood(model)
         factors = ways(likelihood, likelihood.shared_errors.over_time)
-        flights = list(chosen(options.cache, model, options.only, options.most))
+        if options.cache is None:
+            stays = likelihood.shared_errors.over_time
+            flights = [drawn_flight(seed, 33.0, stays) for seed in range(options.drawn)]
+        else:
+            flights = list(chosen(options.cache, model, options.only, options.most))
         long = [f for f in flights if f.seconds >= LONG_S]
         if "agreement" in options.parts:
             for form in ("given-rotation", "full"):

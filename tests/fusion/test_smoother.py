@@ -10,6 +10,7 @@ from flowlik.egomotion import EgoMotion, Status
 from flowlik.egomotion.result import unsolved
 from flowlik.errors import DataError
 from flowlik.fusion import ColouredGps, FixedLagSmoother, direction_factor, fuse
+from flowlik.fusion.fuse import imu_segments
 from flowlik.geometry.motion import scaled
 from flowlik.simulation.inertial import GPS_PRESETS, GpsModel
 from tests.fusion.flights import ANTENNA_C_M, HALF, IDEAL, NOISE, antenna_at, drawn_flight, fused, settings
@@ -111,6 +112,22 @@ def test_bad_input_is_one_clear_error():
         fuse(flight.start, *parts[:2], replace(flight.imu, noise=None), parts[3], settings())
     with pytest.raises(DataError, match="gyroscope_noise_density is 0, must be above 0"):
         FixedLagSmoother(flight.start, replace(NOISE, gyroscope_noise_density=0.0), settings())
+    with pytest.raises(DataError, match="covariance of the start is not positive definite"):
+        FixedLagSmoother(replace(flight.start, covariance=np.zeros((15, 15))), NOISE, settings())
+    smoother = FixedLagSmoother(flight.start, NOISE, settings())
+    (segment,) = imu_segments(flight.imu, flight.times_s[:2])
+    with pytest.raises(DataError, match=r"a step of 0\.6 s is more than half the smoother's lag of 1 s"):
+        smoother.step(replace(segment, steps_s=segment.steps_s * 18))
+    with pytest.raises(DataError, match="a step of the IMU takes no time"):
+        smoother.step(replace(segment, steps_s=segment.steps_s * 0))
+
+    class Stuck:
+        def update(self, *args):
+            raise RuntimeError("\nIndeterminant linear system\nnear x1")
+
+    smoother._smoother = Stuck()
+    with pytest.raises(DataError, match="the smoother's graph has no solution at 0 s: Indeterminant"):
+        smoother.step(segment)
     late = replace(flight.imu, times_s=flight.imu.times_s + 0.1)
     with pytest.raises(DataError, match=r"IMU from 0.1 to 0.6 s does not cover the frames from 0 to 0.5 s"):
         fuse(flight.start, *parts[:2], late, parts[3], settings())

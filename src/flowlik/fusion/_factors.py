@@ -51,14 +51,23 @@ def pose3(gtsam: Any, state: FusedState) -> Any:
 
 
 def start_factors(gtsam: Any, start: FusedState, keys: tuple[int, ...]) -> tuple[Any, Any]:
-    """Prior of the first node as a graph, and its values: all correlations of the start are kept."""
+    """Prior of the first node as a graph, and its values: all correlations of the start are kept.
+
+    Raises
+    ------
+    DataError
+        If the start's covariance is not positive definite.
+    """
     pose, velocity, bias = keys
     values = gtsam.Values()
     values.insert(pose, pose3(gtsam, start))
     values.insert(velocity, np.asarray(start.velocity_n_mps, dtype=np.float64))
     values.insert(bias, gtsam.imuBias.ConstantBias(start.accelerometer_bias_mps2, start.gyroscope_bias_radps))
     M = to_error_state(start.R_n_b)
-    root = np.linalg.inv(np.linalg.cholesky(start.covariance)) @ M
+    try:
+        root = np.linalg.inv(np.linalg.cholesky(start.covariance)) @ M
+    except np.linalg.LinAlgError as error:
+        raise DataError("the covariance of the start is not positive definite") from error
     unit = gtsam.noiseModel.Unit.Create(15)
     blocks = (pose, root[:, :6], velocity, root[:, 6:9], bias, root[:, 9:15])
     prior = gtsam.JacobianFactor(*blocks, np.zeros(15), unit)

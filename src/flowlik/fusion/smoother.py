@@ -24,6 +24,7 @@ from flowlik.fusion.direction_factor import MOST_UNKNOWN, DirectionFactor
 from flowlik.fusion.gtsam_factor import gtsam_factor
 from flowlik.fusion.innovations import GpsInnovations
 from flowlik.fusion.state import FusedState, FusionSettings, GpsFix, ImuSegment
+from flowlik.geometry.times import time_text
 from flowlik.odometry import FlowFactor
 from flowlik.support.arrays import Array
 from flowlik.support.extras import extra
@@ -77,7 +78,7 @@ class FixedLagSmoother:
     MissingExtraError
         If GTSAM is not installed.
     DataError
-        If a density of the IMU's noise is not positive.
+        If a density of the IMU's noise is not positive, or the start's covariance not positive definite.
     """
 
     def __init__(self, start: FusedState, noise: ImuNoise, settings: FusionSettings) -> None:
@@ -89,14 +90,14 @@ class FixedLagSmoother:
         parameters.setRelinearizeThreshold(RELINEARISED_BEYOND)
         parameters.relinearizeSkip = 1
         self._smoother = gtsam.IncrementalFixedLagSmoother(settings.lag_s + settings.alignment_s, parameters)
-        self._aligned_s = start.time_s + settings.alignment_s
+        self._aligned_s = start.time_s + settings.alignment_s if settings.alignment_s > 0 else np.inf
         self._node, self._keys = 0, self._keys_of(0)
         self._fixes: list[_Innovation] = []
         graph, values = start_factors(gtsam, start, self._keys[:3])
         if settings.coloured is not None:
             graph.add(gps_bias_factor(gtsam, self._keys[3:], 0.0))
             values.insert(self._keys[3], np.zeros(3))
-        self._smoother.update(graph, values, dict.fromkeys(self._keys, start.time_s))
+        self._update(graph, values, dict.fromkeys(self._keys, start.time_s))
         self._image = (self._keys[0], start.time_s)
         self.flow_factors = 0
         self._mark = self._marked(start.time_s, self._marginal(self._keys))
@@ -131,11 +132,12 @@ class FixedLagSmoother:
         Raises
         ------
         DataError
-            If the last node, or the image that flow is relative to, is too old for the lag.
+            If no time passes, the last node or the image that flow is relative to is too old for the lag, or
+            the graph has no solution.
         """
         gtsam, before = self._gtsam, self._keys
         time_s = self.state.time_s + float(imu.steps_s.sum())
-        self._check_lag(time_s, flow)
+        self._check_step(imu.steps_s, time_s, flow)
         self._node += 1
         # the bias of GPS has nodes of its own: at fixes, and before the last one is older than the lag
         marked = bool(fixes) or time_s - self._mark.time_s > self.settings.lag_s / 4
@@ -154,7 +156,8 @@ class FixedLagSmoother:
             values.insert(new[3], kept * np.array(self._smoother.calculateEstimateVector(last)))
         if time_s > self._aligned_s:
             self._smoother.setSmootherLag(self.settings.lag_s)
-        self._smoother.update(graph, values, dict.fromkeys(new, time_s))
+            self._aligned_s = np.inf
+        self._update(graph, values, dict.fromkeys(new, time_s))
         joint = self._marginal((*self._keys, *self._mark.keys) if marked else new)
         self.state = self._read(time_s, joint)
         if marked:
@@ -177,6 +180,15 @@ class FixedLagSmoother:
             arrays[-1][0] = np.eye(n)
         return GpsInnovations(*arrays)
 
+    def _update(self, graph: Any, values: Any, stamps: dict[int, float]) -> None:
+        try:
+            self._smoother.update(graph, values, stamps)
+        except RuntimeError as error:  # GTSAM's own exceptions arrive as these
+            why = str(error).strip().splitlines()[:1]
+            raise DataError(
+                f"the smoother's graph has no solution at {time_text(self.state.time_s)} s: {''.join(why)}"
+            ) from error
+
     def _at_length(self, flow: DirectionFactor, predicted: Any, time_s: float) -> FlowFactor | None:
         """A direction at the length of the predicted step; None where that is not known well enough."""
         last = self._smoother.calculateEstimatePose3(self._image[0])
@@ -187,8 +199,10 @@ class FixedLagSmoother:
             return None
         return flow.at_length(length_m)
 
-    def _check_lag(self, time_s: float, flow: FlowFactor | DirectionFactor | None) -> None:
+    def _check_step(self, steps_s: Array, time_s: float, flow: FlowFactor | DirectionFactor | None) -> None:
         lag_s, step_s, image_s = self.settings.lag_s, time_s - self.state.time_s, time_s - self._image[1]
+        if not (step_s > 0 and (steps_s > 0).all()):
+            raise DataError("a step of the IMU takes no time")
         if step_s > lag_s / 2:
             raise DataError(f"a step of {step_s:.3g} s is more than half the smoother's lag of {lag_s:g} s")
         if flow is not None and image_s > lag_s:
@@ -279,7 +293,7 @@ class FixedLagSmoother:
             at.insert(self._keys[3], bias)
             keys = (self._keys[0], self._keys[3])
             graph.add(biased_gps_factor(gtsam, keys, at, innovation, H, R, white))
-        self._smoother.update(graph, gtsam.Values(), {})
+        self._update(graph, gtsam.Values(), {})
         own = self._marginal(self._keys)
         self.state = self._read(state.time_s, own)
         return own
