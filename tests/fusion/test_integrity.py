@@ -64,6 +64,17 @@ def test_older_onsets_than_the_window_are_not_looked_for():
     assert test.onset_s[-1] > 5 * STEP_S
 
 
+def test_the_last_window_alone_says_the_same_of_the_last_fix():
+    """What a robot need keep: hypotheses begin at onsets, and know nothing of what was before."""
+    fixes = filtered(ramp(40, np.array([0.2, 0.0, -0.1])) + np.sin(np.arange(3 * COUNT)).reshape(COUNT, 3))
+    recent = GpsInnovations(
+        *(part[fixes.times_s >= fixes.times_s[-1] - 8.0] for part in vars(fixes).values())
+    )
+    whole, part = ramp_test(fixes, 8.0), ramp_test(recent, 8.0)
+    np.testing.assert_allclose(part.statistic[-1], whole.statistic[-1])
+    np.testing.assert_allclose(part.rate_n_mps[-1], whole.rate_n_mps[-1])
+
+
 def test_a_single_hypothesis_is_chi_squared():
     """At the second fix the only onset is the first: the innovation tells the rate alone."""
     clean = filtered(np.zeros((COUNT, 3)))
