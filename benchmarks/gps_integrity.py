@@ -106,15 +106,23 @@ class Judged(NamedTuple):
     nis_mean: float
 
 
-def judge(monitor: Monitor, flown: Filtered, threshold: float, seed: int) -> Judged:
-    """Alarms of one flight's draws at a threshold; draws that alarm before the onset have no delay (NaN)."""
+def told(monitor: Monitor, flown: Filtered, seed: int) -> dict[float, np.ndarray]:
+    """Statistics (N, draws) of one flight, clean (rate 0) and carried off at each rate."""
     fixes, draws = flown.record, flown.innovations.shape[1]
-    clean = statistics(monitor.statistic, fixes, flown.innovations) > threshold
+    changes = {
+        rate: shifted(fixes, carried_off(fixes.times_s, rate, draws, seed)) for rate in (0.0, *RATES_MPS)
+    }
+    return {r: statistics(monitor.statistic, fixes, flown.innovations + c) for r, c in changes.items()}
+
+
+def judge(flown: Filtered, statistic: dict[float, np.ndarray], threshold: float) -> Judged:
+    """Alarms of one flight's draws at a threshold; draws that alarm before the onset have no delay (NaN)."""
+    fixes = flown.record
+    clean = statistic[0.0] > threshold
     before = clean[fixes.times_s <= ONSET_S].any(axis=0)
     delays = {}
     for rate in RATES_MPS:
-        change = shifted(fixes, carried_off(fixes.times_s, rate, draws, seed))
-        alarms = statistics(monitor.statistic, fixes, flown.innovations + change) > threshold
+        alarms = statistic[rate] > threshold
         alarms[fixes.times_s <= ONSET_S] = False
         delay = np.where(alarms.any(axis=0), fixes.times_s[alarms.argmax(axis=0)] - ONSET_S, np.inf)
         delays[rate] = np.where(before, np.nan, delay)
@@ -145,10 +153,11 @@ def judged(
     found: dict[str, dict[str, list[Judged]]] = {}
     for name in names:
         pooled = np.concatenate(maxima[name])
+        statistic = [told(MONITORS[name], one, seed) for seed, one in enumerate(flown[name])]
         for rate, per_hour in rates.items():
             threshold = false_alarm_threshold(pooled, seconds, per_hour)
-            judgements = [judge(MONITORS[name], one, threshold, seed) for seed, one in enumerate(flown[name])]
-            found.setdefault(name, {})[rate] = judgements
+            pairs = zip(flown[name], statistic)
+            found.setdefault(name, {})[rate] = [judge(one, values, threshold) for one, values in pairs]
     return found
 
 
@@ -224,9 +233,9 @@ def answers(
         print(f"{flight.name}: answered", flush=True)
     for (name, speed), values in sorted(found.items()):
         at, most, onset = np.array(values).T
-        told = [f"{np.median(q):.2f} ({np.quantile(q, 0.9):.2f})" for q in (at, most)]
+        texts = [f"{np.median(q):.2f} ({np.quantile(q, 0.9):.2f})" for q in (at, most)]
         print(
-            f"{name:12} {speed:g} m/s {len(at)}: at the alarm {told[0]} m, worst of {AFTER_S:g} s {told[1]}, "
+            f"{name:12} {speed:g} m/s {len(at)}: at the alarm {texts[0]}, worst of {AFTER_S:g} s {texts[1]}, "
             f"onset off by {np.median(onset):+.1f} s ({onset.std():.1f})",
             flush=True,
         )
@@ -250,7 +259,7 @@ def main() -> None:
         "--seconds", type=float, default=33.0, help="of a drawn flight; measured ones: at least 30"
     )
     parser.add_argument("--draws", type=int, default=12)
-    parser.add_argument("--monitors", nargs="+", default=list(MONITORS), choices=list(MONITORS))
+    parser.add_argument("--monitors", nargs="*", default=list(MONITORS), choices=list(MONITORS))
     parser.add_argument("--answers", type=int, default=2, help="flights of 60 s on which alarms are answered")
     options = parser.parse_args()
     model = load_likelihood(options.model)
