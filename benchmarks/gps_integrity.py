@@ -5,7 +5,8 @@
 Flights of `--seconds` at 60 frames/s with an IMU (EuRoC's noise densities, turn-on biases) at 120 Hz and GPS
 (5 a second, 1.5 m an axis) go through the error-state filter of `error_state_filter.py`. Motions are those of
 CACHE that are long enough, in the layout of `over_time.py`; without CACHE they are drawn: a smooth path whose
-flow errs as the model says that it does, which is no measurement. GPS is carried off at a constant speed from
+flow errs as the model says that it does, which is no measurement, or (`--errors`) as its held-out flights of
+3 s did, one after the other. GPS is carried off at a constant speed from
 10 s on, level, in a direction that is drawn. Thresholds are of `drawn_maxima` on all flights, for 5 % false
 alarms a flight and for one an hour; clean flights count how many there were.
 """
@@ -44,7 +45,9 @@ from gps_integrity_flights import (
     filtered,
     measured_flights,
     shifted,
+    with_errors_of,
 )
+from over_time import HELD_OUT
 
 RATES_MPS = (0.2, 0.5, 1.0, 2.0)
 ONSET_S = 10.0
@@ -253,6 +256,7 @@ def main() -> None:
     )
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--cache", type=Path, help="motions of over_time.py; drawn ones without")
+    parser.add_argument("--errors", type=Path, help="motions of over_time.py whose errors drawn flights get")
     parser.add_argument("--model", default="lucas-kanade")
     parser.add_argument("--flights", type=int, default=20, help="drawn flights")
     parser.add_argument(
@@ -270,6 +274,11 @@ def main() -> None:
     else:
         flights = [drawn_flight(seed, options.seconds, stays) for seed in range(options.flights)]
         kind = "drawn"
+    if options.errors is not None:
+        names = {flight.name for flight in HELD_OUT}
+        found = measured_flights(options.errors, options.model, 0.0)
+        pieces = [flight.motions for flight in found if flight.name in names]
+        flights, kind = [with_errors_of(f, pieces, seed) for seed, f in enumerate(flights)], "pieces"
     if not flights:
         raise SystemExit(f"{options.cache}: no flight of 30 s")
     records: list[Record] = []

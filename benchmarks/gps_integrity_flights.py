@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -76,6 +76,21 @@ def drawn_flight(seed: int, seconds: float, stays: OverTime) -> Flight:
     errors = np.hstack([turns, moves])
     estimated = [EgoMotion(exp_se3(e) * T, np.zeros((6, 6)), C, Status.SOLVED) for e, T in zip(errors, true)]
     return Flight(f"drawn-{seed}", Motions(estimated, true))
+
+
+def with_errors_of(flight: Flight, pieces: Sequence[Motions], seed: int) -> Flight:
+    """A drawn flight whose motions err as measured ones did, piece after piece in an order that is drawn.
+
+    Errors of images with their own covariances; what stays for longer than a piece is not in them.
+    """
+    rng, estimated = np.random.default_rng([seed, 43]), []
+    while len(estimated) < len(flight.motions.true):
+        piece = pieces[rng.integers(len(pieces))]
+        for motion, true in zip(*piece):
+            if len(estimated) < len(flight.motions.true):
+                off = motion.T_k_prev * true.inv()
+                estimated.append(replace(motion, T_k_prev=off * flight.motions.true[len(estimated)]))
+    return Flight(flight.name.replace("drawn", "pieces"), Motions(estimated, flight.motions.true))
 
 
 def _path(count: int, rng: np.random.Generator) -> RigidTransform:
