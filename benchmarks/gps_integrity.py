@@ -5,10 +5,10 @@
 Flights of `--seconds` at 60 frames/s with an IMU (EuRoC's noise densities, turn-on biases) at 120 Hz and GPS
 (5 a second, 1.5 m an axis) go through the error-state filter of `error_state_filter.py`. Motions are those of
 CACHE that are long enough, in the layout of `over_time.py`; without CACHE they are drawn: a smooth path whose
-flow errs as the model says that it does, which is no measurement, or (`--errors`) as motions of flights of 3 s
-did, one after the other (`PIECES`). GPS is carried off at a constant speed from 10 s on, level, in a direction
-that is drawn. Thresholds are of `drawn_maxima` on all flights, for 5 % false
-alarms a flight and for one an hour; clean flights count how many there were.
+flow errs as the model says that it does, which is no measurement, or (`--errors`) as motions of flights of
+3 s did, one after the other (`PIECES`). GPS is carried off at a constant speed from 10 s on, level, in a
+direction that is drawn. Thresholds are of `drawn_maxima` on all flights, for 5 % false alarms a flight and
+for one an hour; clean flights count how many there were.
 """
 
 from __future__ import annotations
