@@ -160,6 +160,21 @@ def against_truth(judge: Judge, kind: str, cache: list[Path], poses: Path, depth
                        trained=kind, trained_pairs=len(learned_from))  # fmt: skip
 
 
+def starts(judge: Judge, across: FlowLikelihood, cache: list[Path], poses: Path, data: Path) -> None:
+    """Judge both tables that ship for a method on errors across lines: on other flights and on KITTI 03."""
+    models = {"shipped": judge.start, "epipolar": across}
+    names = tuple(dict.fromkeys([*judge.names(False), *across.schedule.index.covariates]))
+    for flight in (*JUDGED["drives"], Flight(DRIVING, "02", 0.0, 50, 10, 4, "val"), *JUDGED["forest"]):
+        pairs, truth = flown(judge, (flight,), cache, poses, False)
+        errors = [errors_against(p.residuals(), (T, T), names) for p, T in zip(pairs, truth)]
+        for name, model in models.items():
+            judge.read(name, model, errors, flight.name, against="true motion", residual="epipolar")
+    pairs = judge.measure(open_sequence(data), list(SECOND_HALF)[::5])
+    found = pass_over(pairs, lcmsac(judge.start), names, judge.seed)
+    for name, model in models.items():
+        judge.read(name, model, found.crossed, "KITTI/03", against="other tiles", motions_by="shipped")
+
+
 def on_kitti(judge: Judge, data: Path, model: Path | None) -> None:
     """Learn from the first half of KITTI 03, judge on the second."""
     sequence = open_sequence(data)
@@ -236,7 +251,10 @@ def main() -> None:
     parser.add_argument(
         "--own", type=Path, help="model learned from KITTI 03's first half, instead of learning it"
     )
-    parser.add_argument("--parts", nargs="+", default=["drives", "forest", "kitti"])
+    parser.add_argument(
+        "--across", help="table of errors across lines for the part `starts`, not the shipped"
+    )
+    parser.add_argument("--parts", nargs="+", default=["drives", "forest", "starts", "kitti"])
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, required=True, help="run folder")
     options = parser.parse_args()
@@ -248,6 +266,9 @@ def main() -> None:
     if "forest" in options.parts:
         for depth in (False, True):
             against_truth(judge, "forest", options.cache, options.kitti_poses, depth)
+    if "starts" in options.parts:
+        across = load_likelihood(options.across or options.model, "epipolar")
+        starts(judge, across, options.cache, options.kitti_poses, options.data)
     if "kitti" in options.parts:
         on_kitti(judge, options.data, options.own)
     finish(run)

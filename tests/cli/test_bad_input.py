@@ -176,6 +176,7 @@ def test_a_model_of_another_flow_method(flight, models, tmp_path, out):
         (("calibrate", "nowhere", "--method", "farneback"), "nowhere: no such file or folder"),
         (("odometry", "FLIGHT"), "--estimator lcmsac needs --model"),
         (("odometry", "FLIGHT", "--estimator", "mle"), "--estimator mle needs --model"),
+        (("odometry", "FLIGHT", "--estimator", "ransac", "--adapt"), "--adapt follows a model's errors"),
         (("odometry", "FLIGHT", "--estimator", "best"), "unknown estimator 'best': known are ransac"),
         (("odometry", "FLIGHT", "--model", "MODEL", "--scale", "gps"), "unknown scale source 'gps': known"),
         (

@@ -14,6 +14,7 @@ from flowlik.datasets.flow_files import read_flow, write_flo
 from flowlik.datasets.uncertainty_file import read_uncertainty
 from flowlik.geometry.trajectory import Trajectory, read_kitti, read_tum, write_kitti, write_tum
 from flowlik.likelihood.model_file import load_likelihood
+from flowlik.likelihood.shipped import shipped
 from flowlik.odometry.trajectory_covariance import read_covariance_csv
 from flowlik.results.records import FILE_KEYS, read_records, select
 from flowlik.simulation.flight._trajectories import curve
@@ -210,6 +211,23 @@ def test_without_a_scale_lengths_are_null(flight, models, tmp_path):
     for metric in ("drift_percent", "rpe_trans_median_m"):
         assert rows[metric]["value"] is None
         assert "no unit of length" in rows[metric]["protocol"]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_without_depth_a_shipped_name_stands_for_errors_across_the_lines(flight, tmp_path):
+    def run(model, *words):
+        words = ("--frames", 3, *words, "--out", tmp_path / "run", "--json")
+        outcome = succeed("odometry", flight, "--model", model, *words)
+        config = json.loads((tmp_path / "run" / "run.json").read_text())["config"]
+        assert f"likelihood={config['likelihood']}" in json.loads(outcome.out)[0]["protocol"]
+        return config["likelihood"], [line for line in outcome.err if "stands for" in line]
+
+    name, across = "lucas-kanade-11", "lucas-kanade-11-epipolar"
+    alone = ("--residual", "epipolar")
+    said = f"model: without depth {name} stands for {across}, of errors across epipolar lines"
+    assert run(name, *alone) == (across, [said])
+    assert run(across, *alone) == (across, [])
+    assert run(name) == run(shipped()[name], *alone) == (name, [])
 
 
 @pytest.mark.usefixtures("undrawn")

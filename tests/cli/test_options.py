@@ -25,7 +25,7 @@ OTHER = {
         "model": "lucas-kanade", "method": "lucas-kanade", "flow_png": "dsec",
         "estimator": "mle", "residual": "epipolar",
         "scale": "camera-height", "camera_height_m": 1.5,
-        "self_calibrate": True, "boresight": "causal", "gate": 0.5,
+        "self_calibrate": True, "adapt": True, "boresight": "causal", "gate": 0.5,
         "truth": "truth.txt", "frames": 7, "start": 1, "stride": 2, "parallax": 0.001,
         "skip_bad_frames": True, "format": "tartanair", "camera": "50,48,32",
         "mask": "hood.png", "resize": "0.5",

@@ -5,7 +5,7 @@ import pytest
 from flowlik.commands import models, summary
 from flowlik.errors import ModelError
 from flowlik.flow import PRESETS, describe
-from flowlik.likelihood.model_file import load_likelihood
+from flowlik.likelihood.model_file import find_model, load_likelihood
 from flowlik.likelihood.shipped import shipped
 from tests.cli.call import call, succeed
 
@@ -39,6 +39,24 @@ def test_a_file_goes_before_a_name_and_an_unknown_name_lists_the_known(tmp_path,
         load_likelihood("raft")
     with pytest.raises(ModelError, match=r"none\.json: cannot read"):
         load_likelihood("none.json")
+
+
+def test_without_depth_a_name_is_its_table_of_errors_across_epipolar_lines():
+    assert load_likelihood("lucas-kanade-11", "epipolar").residual == "epipolar"
+    assert load_likelihood("lucas-kanade-11", "depth").residual == "depth"
+    # what has no such table, and a file, is what was asked for
+    assert find_model("lucas-kanade-11-lcm", "epipolar").stem == "lucas-kanade-11-lcm"
+    assert find_model("lucas-kanade-11-epipolar", "epipolar").stem == "lucas-kanade-11-epipolar"
+    file = shipped()["lucas-kanade-11"]
+    assert find_model(file, "epipolar") == file
+
+
+@pytest.mark.parametrize("name", [name for name in shipped() if name.endswith("-epipolar")])
+def test_tables_of_errors_across_lines_need_no_signals_of_their_own(name):
+    # so that lengths which flow tells are read off the same measurements by the other table
+    across, both = load_likelihood(name), load_likelihood(name.removesuffix("-epipolar"))
+    assert set(across.signals) == set(both.signals)
+    assert (across.method, across.texture) == (both.method, both.texture)
 
 
 def test_models_are_listed_and_shown():

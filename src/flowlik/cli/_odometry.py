@@ -82,6 +82,14 @@ def run(
             "--self-calibrate", rich_help_panel=CAMERA, help="Refine the camera's intrinsics from the images."
         ),
     ] = False,
+    adapt: Annotated[
+        bool,
+        typer.Option(
+            "--adapt",
+            rich_help_panel=MODEL,
+            help="Let the model follow the drive's own errors, slowly, by past frames alone.",
+        ),
+    ] = False,
     boresight: Annotated[
         str,
         typer.Option(
@@ -169,6 +177,7 @@ def run(
         scale=scale,
         camera_height_m=camera_height_m,
         self_calibrate=self_calibrate,
+        adapt=adapt,
         boresight=boresight,
         gate=gate,
         truth=truth,
@@ -192,5 +201,9 @@ def run(
     )
     result = odometry(data, out, options, command=command_line(), progress=terminal_progress)
     show_run(result, json, verbose)
+    if model is not None and (found := result.config["likelihood"]) not in (None, model.stem):
+        typer.echo(
+            f"model: without depth {model} stands for {found}, of errors across epipolar lines", err=True
+        )
     if (result.config["residual"], scale) == ("epipolar", "none"):
         typer.echo("no scale: each motion counts 1, so lengths have no unit; see --scale", err=True)

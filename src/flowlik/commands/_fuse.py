@@ -15,7 +15,7 @@ from flowlik.commands._fuse_inputs import Sensors, covered_frames, given_start, 
 from flowlik.commands._fuse_monitor import Watched, watched
 from flowlik.commands._fuse_motions import flow_factors, measured_options, read_motions
 from flowlik.commands._fuse_results import report_fusion
-from flowlik.commands._odometry import choose, opened_frames, residual_kind
+from flowlik.commands._odometry import estimator_of, flow_of, opened_frames, residual_kind
 from flowlik.commands.fuse_options import FuseOptions
 from flowlik.datasets.selection import Selection, Skipped
 from flowlik.egomotion import EgoMotion
@@ -74,7 +74,9 @@ def fuse(
     extra("gtsam", "flowlik fuse")
     options = measured_options(options)
     sensors = read_sensors(data, options)
-    flow, estimator = choose(options.odometry)
+    flow = flow_of(options.odometry)
+    # how long errors stay is known of both components alone
+    estimator, _ = estimator_of(options.odometry, "depth")
     sequence, skipped, motions = _frames(data, options, flow, sensors, progress)
     kind = residual_kind(sequence, "depth" if options.motions is not None else options.residual)
     flow_factors([], estimator.likelihood, 1.0, options, kind)  # what cannot be is told before the work

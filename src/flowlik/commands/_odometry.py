@@ -24,12 +24,13 @@ from flowlik.evaluation.motion import agreement, true_trajectory
 from flowlik.flow import coded, confirmed_method, describe, flow_method
 from flowlik.flow.base import FlowMethod
 from flowlik.geometry.trajectory import Trajectory, write_kitti, write_tum
-from flowlik.likelihood.model_file import load_likelihood
+from flowlik.likelihood.model_file import find_model, load_likelihood
+from flowlik.odometry.adaptation import adapting
 from flowlik.odometry.keyframes import moving_frames
 from flowlik.odometry.loop import ResidualKind, run_odometry
 from flowlik.odometry.odometry import Odometry
 from flowlik.odometry.ros_odometry import write_odometry_bag
-from flowlik.odometry.scale import SCALES, scale_source
+from flowlik.odometry.scale import SCALES, SEEN, ByModel, ScaleSource, scale_source
 from flowlik.odometry.self_calibration import SelfCalibration
 from flowlik.odometry.trajectory_covariance import write_covariance
 from flowlik.report import finish
@@ -74,7 +75,7 @@ def odometry(
     MissingExtraError
         If a bag is asked for and rosbags is not installed.
     """
-    flow, estimator = choose(options)
+    flow = flow_of(options)
     if options.scale not in SCALES:
         raise DataError(f"unknown scale source {options.scale!r}: known are {', '.join(SCALES)}")
     if options.boresight not in ("none", "causal"):
@@ -86,16 +87,17 @@ def odometry(
     sequence, skipped = opened_frames(data, options, flow, progress)
     kind = residual_kind(sequence, options.residual)
     options = replace(options, residual=kind)
-    source = scale_source(options.scale, sequence, options.camera_height_m)
+    source = _source(options, sequence)
     if kind == "depth" and options.self_calibrate:
         raise DataError("--self-calibrate refines the camera where depth is unknown: --residual epipolar")
     # a pose file that cannot be used is told before the work, not after it
     truth = true_trajectory(sequence, len(sequence))
     if options.boresight == "causal" and truth is None:
         raise DataError(f"{sequence.name}: --boresight causal needs poses, which this data set does not have")
-    run = RunFolder(
-        out, command, {"data": str(data), **options.asdict(), "flow": describe(flow)}, options.seed
-    )
+    estimator, model = estimator_of(options, kind)
+    options = replace(options, estimator=estimator.name)
+    found = {"flow": describe(flow), "likelihood": model}
+    run = RunFolder(out, command, {"data": str(data), **options.asdict(), **found}, options.seed)
     doubted = warn_of_doubts(run, sequence, flow)
 
     settings = SelfCalibration() if options.self_calibrate else None
@@ -103,7 +105,10 @@ def odometry(
         sequence.camera, flow, estimator, options.seed, source, settings, options.boresight == "causal"
     )
     record = run.begin() / "view.rrd" if options.record else None
-    motions = watched_by(viewer(options.view, record), run_odometry(sequence, robot, kind), sequence, robot)
+    motions = run_odometry(sequence, robot, kind)
+    if options.adapt:
+        motions = adapting(motions, robot)
+    motions = watched_by(viewer(options.view, record), motions, sequence, robot)
     what = f"{options.estimator} on {sequence.name}, image pairs"
     flown = _flown(sequence, robot, truth, progress(motions, what, len(sequence) - 1))
     _write_files(run.begin(), flown, options)
@@ -174,8 +179,8 @@ def _write_files(folder: Path, flown: Flown, options: OdometryOptions) -> None:
         write_intrinsics(folder / "intrinsics.csv", flown.robot.intrinsics, frames)
 
 
-def choose(options: OdometryOptions) -> tuple[FlowMethod, Estimator]:
-    """Flow method and estimator of the options of a run.
+def flow_of(options: OdometryOptions) -> FlowMethod:
+    """Flow method of the options of a run.
 
     Raises
     ------
@@ -185,23 +190,39 @@ def choose(options: OdometryOptions) -> tuple[FlowMethod, Estimator]:
         If there is no such model or method, or the model is for another method than the one given.
     """
     estimator, gate = options.estimator, options.gate
-    if estimator not in ESTIMATORS:
+    if options.adapt and estimator == "ransac":
+        raise DataError("--adapt follows a model's errors: --estimator ransac has none")
+    if estimator not in (None, *ESTIMATORS):
         raise DataError(f"unknown estimator {estimator!r}: known are {', '.join(ESTIMATORS)}")
     if gate is not None and not 0 <= gate < np.inf:
         raise DataError(f"--min-texture must be a texture of at least 0, not {gate}")
     if options.model is None:
         if estimator != "ransac":
             raise DataError(
-                f"--estimator {estimator} needs --model: a shipped model's name (`flowlik models`) or a file "
-                "that `flowlik calibrate` makes"
+                f"--estimator {estimator or 'lcmsac'} needs --model: a shipped model's name (`flowlik "
+                "models`) or a file that `flowlik calibrate` makes"
             )
-        method = flow_method(options.method or "lucas-kanade")
-        return coded(method, options.flow_png), ransac(gate=gate)
+        return coded(flow_method(options.method or "lucas-kanade"), options.flow_png)
     likelihood = load_likelihood(options.model)
-    flow = coded(confirmed_method(likelihood.method or {}, options.method), options.flow_png)
-    if estimator == "ransac":
-        return flow, ransac(gate=gate)
-    return flow, (lcmsac if estimator == "lcmsac" else mle)(likelihood, gate=gate)
+    return coded(confirmed_method(likelihood.method or {}, options.method), options.flow_png)
+
+
+def estimator_of(options: OdometryOptions, kind: ResidualKind) -> tuple[Estimator, str | None]:
+    """Estimator of a run, and the name of the model that it takes for the residual."""
+    if options.model is None or options.estimator == "ransac":
+        return ransac(gate=options.gate), None
+    likelihood = load_likelihood(options.model, kind)
+    name = options.estimator or ("mle" if likelihood.residual == "epipolar" else "lcmsac")
+    found = (lcmsac if name == "lcmsac" else mle)(likelihood, gate=options.gate)
+    return found, find_model(options.model, kind).stem
+
+
+def _source(options: OdometryOptions, sequence: Selection) -> ScaleSource:
+    """Scale source; lengths that flow tells are by the model of errors along epipolar lines too."""
+    source = scale_source(options.scale, sequence, options.camera_height_m)
+    if options.scale not in SEEN or options.model is None or options.estimator == "ransac":
+        return source
+    return ByModel(source, load_likelihood(options.model))
 
 
 def residual_kind(sequence: ImageSequence, asked: str | None) -> ResidualKind:

@@ -23,6 +23,7 @@ from flowlik.evaluation.motion import (
 from flowlik.flow import describe, method_label
 from flowlik.geometry.trajectory import Trajectory
 from flowlik.measurement.features import features_of
+from flowlik.odometry.adaptation import Adaptation
 from flowlik.odometry.odometry import Odometry
 from flowlik.odometry.ros_odometry import bag_notes
 from flowlik.odometry.scale import UNCERTAIN
@@ -77,7 +78,7 @@ def report_odometry(
     Frames that contradict their poses are named unless the data test ``doubted`` the poses as a whole.
     """
     name, scale = flown.sequence.name, "depth" if options.residual == "depth" else options.scale
-    run.records = _records(flown, options, scale)
+    run.records = _records(flown, options, scale, run.config["likelihood"])
     _save_figures(run, flown, metric=scale != "none")
     frames = flown.sequence.numbers[1:].astype(np.float64)
     (outside,) = select(run.records, metric="outside_fraction")
@@ -119,16 +120,24 @@ def _told_in_part(motions: list[EgoMotion]) -> list[str]:
     return notes
 
 
+def _adapting(options: OdometryOptions) -> str | None:
+    """How the model follows the drive, in a protocol."""
+    settings = Adaptation()
+    memory, prior = settings.memory_frames, settings.prior_frames
+    return f"memory {memory:g} frames, model worth {prior:g}" if options.adapt else None
+
+
 def _bag_notes(flown: Flown, options: OdometryOptions) -> list[str]:
     return bag_notes(flown.motions, options.bag_unscaled) if options.bag else []
 
 
-def _records(flown: Flown, options: OdometryOptions, scale: str) -> list[Record]:
+def _records(flown: Flown, options: OdometryOptions, scale: str, likelihood: str | None) -> list[Record]:
     """Records of a run: errors where the truth is known, states of frames, speed."""
     estimator, motions = flown.robot.estimator, flown.motions
     keys = {
-        "residual": options.residual, "scale": scale, "boresight": options.boresight,
-        "self_calibrate": options.self_calibrate, "gate": "none" if options.gate is None else options.gate,
+        "residual": options.residual, "likelihood": likelihood, "scale": scale,
+        "boresight": options.boresight, "self_calibrate": options.self_calibrate,
+        "adapt": _adapting(options), "gate": "none" if options.gate is None else options.gate,
         "features": features_of(flown.robot.method),
         "timestamps": getattr(flown.sequence, "times_source", None), **options.images,
         "true_poses": None if options.truth is None else printable(options.truth.name),

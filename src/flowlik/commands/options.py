@@ -105,6 +105,8 @@ class OdometryOptions(Data):
         Height of the camera over the road [m]: the scale ``camera-height`` needs it.
     self_calibrate : bool
         Refine principal point and radial distortion from the images, without depth.
+    adapt : bool
+        Let the model follow the drive's own errors, by past frames alone.
     boresight : {"none", "causal"}
         Whether motions are turned into the frame of the true poses, by what past frames say.
     gate : float, optional
@@ -141,6 +143,7 @@ class OdometryOptions(Data):
     scale: str = "none"
     camera_height_m: float | None = None
     self_calibrate: bool = False
+    adapt: bool = False
     boresight: str = "none"
     gate: float | None = None
     truth: Path | None = None

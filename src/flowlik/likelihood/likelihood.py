@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -16,7 +16,7 @@ from flowlik.image.texture import TextureDefinition
 from flowlik.likelihood import tables
 from flowlik.likelihood._ellipses import ellipse_factors
 from flowlik.likelihood.families import ErrorFamily, Gaussian
-from flowlik.likelihood.schedule import Schedule, check_values
+from flowlik.likelihood.schedule import Index, Schedule, check_values
 from flowlik.likelihood.shared_errors import SharedErrors
 from flowlik.measurement.measurements import Measurements
 from flowlik.support.arrays import Array
@@ -75,6 +75,13 @@ class FlowLikelihood:
     def constant_gaussian(cls, sigma_px: float) -> FlowLikelihood:
         """Gaussian with one standard deviation [px] for any flow and texture: RANSAC's likelihood."""
         return cls(Gaussian(), Schedule.constant(np.array([sigma_px])))
+
+    def with_index(self, index: Index) -> FlowLikelihood:
+        """Likelihood of the same table over another index; what was tabulated is kept."""
+        other = replace(self, schedule=replace(self.schedule, index=index))
+        names = [name for name, value in vars(type(self)).items() if isinstance(value, cached_property)]
+        other.__dict__.update({name: self.__dict__[name] for name in names if name in self.__dict__})
+        return other
 
     @property
     def signals(self) -> tuple[str, ...]:

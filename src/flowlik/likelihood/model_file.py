@@ -12,10 +12,10 @@ from flowlik.errors import FlowlikError, ModelError
 from flowlik.flow import check_record
 from flowlik.image.texture import TextureDefinition
 from flowlik.likelihood.families import error_family
-from flowlik.likelihood.likelihood import FlowLikelihood
+from flowlik.likelihood.likelihood import Errors, FlowLikelihood
 from flowlik.likelihood.schedule import Schedule, index_of_values, index_values
 from flowlik.likelihood.shared_errors import SharedErrors
-from flowlik.likelihood.shipped import shipped
+from flowlik.likelihood.shipped import serving, shipped
 from flowlik.support.files import atomic_write
 
 
@@ -128,8 +128,10 @@ def save_likelihood(likelihood: FlowLikelihood, path: Path | str) -> None:
         file.write(content.model_dump_json(indent=1) + "\n")
 
 
-def find_model(name: Path | str) -> Path:
+def find_model(name: Path | str, residual: Errors | None = None) -> Path:
     """File of a shipped model's name, or the path itself; an existing file goes before a name.
+
+    A shipped name may stand for two tables: with a residual, it is the one of that residual's errors.
 
     Raises
     ------
@@ -141,18 +143,26 @@ def find_model(name: Path | str) -> Path:
         return path
     if path.name not in shipped():
         raise ModelError(f"{path}: neither a model file nor a shipped model ({', '.join(shipped())})")
-    return shipped()[path.name]
+    return shipped()[serving(path.name, residual)]
 
 
-def load_likelihood(path: Path | str) -> FlowLikelihood:
+def load_likelihood(path: Path | str, residual: Errors | None = None) -> FlowLikelihood:
     """Read a likelihood from its JSON file, or the shipped one of a name such as ``"lucas-kanade"``.
+
+    Parameters
+    ----------
+    path : Path or str
+        File or name; a file goes before a name.
+    residual : {"depth", "epipolar"}, optional
+        What it shall serve. Without depth (``"epipolar"``) a shipped name is its table of errors across
+        epipolar lines, where there is one; by default it is the one that serves everything.
 
     Raises
     ------
     ModelError
         If the file is missing, is not a model file, or its contents contradict one another.
     """
-    path = find_model(path)
+    path = find_model(path, residual)
     try:
         content = ModelFile.model_validate_json(path.read_bytes())
         family = error_family(content.family)

@@ -100,6 +100,12 @@ class Index:
         """Signals that must be measured for this index."""
         return tuple(sorted({s for name in self.covariates for s in covariate(name).signals}))
 
+    def moved(self, shift: float, factor: float = 1.0) -> Index:
+        """Index whose coordinate is ``shift + factor x``."""
+        terms = tuple(Term(term.covariates, factor * term.weight) for term in self.terms)
+        low, high = (shift + factor * end for end in (self.low, self.high))
+        return Index(self.inputs, terms, shift + factor * self.offset, low, high)
+
     def of(self, m: Measurements) -> Array:
         """Coordinates x (N, 2) of the eigen-components of measurements.
 
