@@ -49,7 +49,10 @@ PARTS = {
         ("along 07", Flight(DRIVING, "07", 0.0, 307, 10, 5, "truthless"), None),
         ("along 04", Flight(DRIVING, "04", 0.0, 14, 7, 3), None),
     ),
-    "motorway": (("KITTI/01 25-50", "01", range(25, 50)),),
+    "motorway": (
+        ("along 01", Flight(DRIVING, "01", 0.0, 11, 7, 3), None),
+        ("KITTI/01 0-50", "01", range(50)),
+    ),
 }  # fmt: skip
 CAUCHY_PX = (0.03, 0.05, 0.1, 0.15)
 BASE = ("lcmsac", "both components")

@@ -220,14 +220,15 @@ def test_without_depth_a_shipped_name_stands_for_errors_across_the_lines(flight,
         outcome = succeed("odometry", flight, "--model", model, *words)
         config = json.loads((tmp_path / "run" / "run.json").read_text())["config"]
         assert f"likelihood={config['likelihood']}" in json.loads(outcome.out)[0]["protocol"]
-        return config["likelihood"], [line for line in outcome.err if "stands for" in line]
+        said = [line for line in outcome.err if "stands for" in line]
+        return config["likelihood"], config["estimator"], said
 
     name, across = "lucas-kanade-11", "lucas-kanade-11-epipolar"
     alone = ("--residual", "epipolar")
     said = f"model: without depth {name} stands for {across}, of errors across epipolar lines"
-    assert run(name, *alone) == (across, [said])
-    assert run(across, *alone) == (across, [])
-    assert run(name) == run(shipped()[name], *alone) == (name, [])
+    assert run(name, *alone) == (across, "mle", [said])
+    assert run(across, *alone, "--estimator", "lcmsac") == (across, "lcmsac", [])
+    assert run(name) == run(shipped()[name], *alone) == (name, "lcmsac", [])
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -45,13 +45,13 @@ def run(
     method: Method = None,
     flow_png: FlowPng = None,
     estimator: Annotated[
-        str,
+        str | None,
         typer.Option(
             rich_help_panel=MODEL,
-            help="lcmsac, mle or ransac.",
+            help="lcmsac, mle or ransac; mle by a model of epipolar errors, else lcmsac.",
             autocompletion=complete.one_of(complete.ESTIMATORS),
         ),
-    ] = OdometryOptions.estimator,
+    ] = None,
     residual: Annotated[
         str | None,
         typer.Option(
