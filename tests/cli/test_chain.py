@@ -14,7 +14,6 @@ from flowlik.datasets.flow_files import read_flow, write_flo
 from flowlik.datasets.uncertainty_file import read_uncertainty
 from flowlik.geometry.trajectory import Trajectory, read_kitti, read_tum, write_kitti, write_tum
 from flowlik.likelihood.model_file import load_likelihood
-from flowlik.likelihood.shipped import shipped
 from flowlik.odometry.trajectory_covariance import read_covariance_csv
 from flowlik.results.records import FILE_KEYS, read_records, select
 from flowlik.simulation.flight._trajectories import curve
@@ -214,21 +213,15 @@ def test_without_a_scale_lengths_are_null(flight, models, tmp_path):
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_without_depth_a_shipped_name_stands_for_errors_across_the_lines(flight, tmp_path):
-    def run(model, *words):
-        words = ("--frames", 3, *words, "--out", tmp_path / "run", "--json")
-        outcome = succeed("odometry", flight, "--model", model, *words)
-        config = json.loads((tmp_path / "run" / "run.json").read_text())["config"]
-        assert f"likelihood={config['likelihood']}" in json.loads(outcome.out)[0]["protocol"]
-        said = [line for line in outcome.err if "stands for" in line]
-        return config["likelihood"], config["estimator"], said
+def test_a_model_of_errors_across_epipolar_lines_goes_by_maximum_likelihood(flight, tmp_path):
+    def estimator(model, *words):
+        succeed("odometry", flight, "--model", model, "--residual", "epipolar", "--frames", 3, *words,
+                "--out", tmp_path / "run")  # fmt: skip
+        return json.loads((tmp_path / "run" / "run.json").read_text())["config"]["estimator"]
 
-    name, across = "lucas-kanade-11", "lucas-kanade-11-epipolar"
-    alone = ("--residual", "epipolar")
-    said = f"model: without depth {name} stands for {across}, of errors across epipolar lines"
-    assert run(name, *alone) == (across, "mle", [said])
-    assert run(across, *alone, "--estimator", "lcmsac") == (across, "lcmsac", [])
-    assert run(name) == run(shipped()[name], *alone) == (name, "lcmsac", [])
+    assert estimator("lucas-kanade-11-epipolar") == "mle"
+    assert estimator("lucas-kanade-11-epipolar", "--estimator", "lcmsac") == "lcmsac"
+    assert estimator("lucas-kanade-11") == "lcmsac"
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -1,10 +1,8 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from flowlik.errors import DataError, ModelError
+from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.motion import exp_se3, h, inverse_range
 from flowlik.image.texture import TextureDefinition
@@ -12,7 +10,6 @@ from flowlik.likelihood.likelihood import FlowLikelihood
 from flowlik.measurement.measurements import Measurements
 from flowlik.odometry._seen_lengths import _stereo_disparity
 from flowlik.odometry.scale import (
-    ByModel,
     CameraHeight,
     Length,
     Norm,
@@ -226,17 +223,6 @@ def test_sources_are_found_by_name_and_say_what_they_lack():
     walked.gps_accuracy_m = np.full(5, 0.1)
     length = scale_source("gps-norm", walked).length(2, m, CAMERA, UNIT, LIKELIHOOD)
     assert (length.metres, length.sigma_m) == (pytest.approx(5.0), pytest.approx(0.1414, abs=1e-4))
-
-
-def test_a_source_may_have_a_likelihood_of_its_own():
-    m, across_lines = measured(*street(), noise=NOISE), replace(LIKELIHOOD, residual="epipolar")
-    alone = CameraHeight(1.65)
-    with pytest.raises(ModelError, match="across epipolar lines"):
-        alone.length(1, m, CAMERA, UNIT, across_lines)
-    source = ByModel(alone, LIKELIHOOD)
-    assert source.name == "camera-height"
-    expected = alone.length(1, m, CAMERA, UNIT, LIKELIHOOD)
-    assert source.length(1, m, CAMERA, UNIT, across_lines).metres == expected.metres
 
 
 def test_an_exact_length_has_no_error_of_the_motion():

@@ -48,7 +48,7 @@ def run(
         str | None,
         typer.Option(
             rich_help_panel=MODEL,
-            help="lcmsac, mle or ransac; mle by a model of epipolar errors, else lcmsac.",
+            help="lcmsac, mle or ransac; by default lcmsac, or mle by a model of epipolar errors.",
             autocompletion=complete.one_of(complete.ESTIMATORS),
         ),
     ] = None,
@@ -201,9 +201,5 @@ def run(
     )
     result = odometry(data, out, options, command=command_line(), progress=terminal_progress)
     show_run(result, json, verbose)
-    if model is not None and (found := result.config["likelihood"]) not in (None, model.stem):
-        typer.echo(
-            f"model: without depth {model} stands for {found}, of errors across epipolar lines", err=True
-        )
     if (result.config["residual"], scale) == ("epipolar", "none"):
         typer.echo("no scale: each motion counts 1, so lengths have no unit; see --scale", err=True)

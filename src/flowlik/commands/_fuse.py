@@ -74,9 +74,7 @@ def fuse(
     extra("gtsam", "flowlik fuse")
     options = measured_options(options)
     sensors = read_sensors(data, options)
-    flow = flow_of(options.odometry)
-    # how long errors stay is known of both components alone
-    estimator, _ = estimator_of(options.odometry, "depth")
+    flow, estimator = flow_of(options.odometry), estimator_of(options.odometry)
     sequence, skipped, motions = _frames(data, options, flow, sensors, progress)
     kind = residual_kind(sequence, "depth" if options.motions is not None else options.residual)
     flow_factors([], estimator.likelihood, 1.0, options, kind)  # what cannot be is told before the work

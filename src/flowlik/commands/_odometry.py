@@ -24,13 +24,13 @@ from flowlik.evaluation.motion import agreement, true_trajectory
 from flowlik.flow import coded, confirmed_method, describe, flow_method
 from flowlik.flow.base import FlowMethod
 from flowlik.geometry.trajectory import Trajectory, write_kitti, write_tum
-from flowlik.likelihood.model_file import find_model, load_likelihood
+from flowlik.likelihood.model_file import load_likelihood
 from flowlik.odometry.adaptation import adapting
 from flowlik.odometry.keyframes import moving_frames
 from flowlik.odometry.loop import ResidualKind, run_odometry
 from flowlik.odometry.odometry import Odometry
 from flowlik.odometry.ros_odometry import write_odometry_bag
-from flowlik.odometry.scale import SCALES, SEEN, ByModel, ScaleSource, scale_source
+from flowlik.odometry.scale import SCALES, scale_source
 from flowlik.odometry.self_calibration import SelfCalibration
 from flowlik.odometry.trajectory_covariance import write_covariance
 from flowlik.report import finish
@@ -87,17 +87,18 @@ def odometry(
     sequence, skipped = opened_frames(data, options, flow, progress)
     kind = residual_kind(sequence, options.residual)
     options = replace(options, residual=kind)
-    source = _source(options, sequence)
+    source = scale_source(options.scale, sequence, options.camera_height_m)
     if kind == "depth" and options.self_calibrate:
         raise DataError("--self-calibrate refines the camera where depth is unknown: --residual epipolar")
     # a pose file that cannot be used is told before the work, not after it
     truth = true_trajectory(sequence, len(sequence))
     if options.boresight == "causal" and truth is None:
         raise DataError(f"{sequence.name}: --boresight causal needs poses, which this data set does not have")
-    estimator, model = estimator_of(options, kind)
+    estimator = estimator_of(options)
     options = replace(options, estimator=estimator.name)
-    found = {"flow": describe(flow), "likelihood": model}
-    run = RunFolder(out, command, {"data": str(data), **options.asdict(), **found}, options.seed)
+    run = RunFolder(
+        out, command, {"data": str(data), **options.asdict(), "flow": describe(flow)}, options.seed
+    )
     doubted = warn_of_doubts(run, sequence, flow)
 
     settings = SelfCalibration() if options.self_calibrate else None
@@ -207,22 +208,17 @@ def flow_of(options: OdometryOptions) -> FlowMethod:
     return coded(confirmed_method(likelihood.method or {}, options.method), options.flow_png)
 
 
-def estimator_of(options: OdometryOptions, kind: ResidualKind) -> tuple[Estimator, str | None]:
-    """Estimator of a run, and the name of the model that it takes for the residual."""
+def estimator_of(options: OdometryOptions) -> Estimator:
+    """Estimator of the options of a run.
+
+    By a model of errors across epipolar lines, halves of the vectors agree better on the motion by maximum
+    likelihood than with a cut at 90 % (docs/without-truth.md).
+    """
     if options.model is None or options.estimator == "ransac":
-        return ransac(gate=options.gate), None
-    likelihood = load_likelihood(options.model, kind)
+        return ransac(gate=options.gate)
+    likelihood = load_likelihood(options.model)
     name = options.estimator or ("mle" if likelihood.residual == "epipolar" else "lcmsac")
-    found = (lcmsac if name == "lcmsac" else mle)(likelihood, gate=options.gate)
-    return found, find_model(options.model, kind).stem
-
-
-def _source(options: OdometryOptions, sequence: Selection) -> ScaleSource:
-    """Scale source; lengths that flow tells are by the model of errors along epipolar lines too."""
-    source = scale_source(options.scale, sequence, options.camera_height_m)
-    if options.scale not in SEEN or options.model is None or options.estimator == "ransac":
-        return source
-    return ByModel(source, load_likelihood(options.model))
+    return (lcmsac if name == "lcmsac" else mle)(likelihood, gate=options.gate)
 
 
 def residual_kind(sequence: ImageSequence, asked: str | None) -> ResidualKind:

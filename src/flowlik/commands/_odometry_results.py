@@ -78,7 +78,7 @@ def report_odometry(
     Frames that contradict their poses are named unless the data test ``doubted`` the poses as a whole.
     """
     name, scale = flown.sequence.name, "depth" if options.residual == "depth" else options.scale
-    run.records = _records(flown, options, scale, run.config["likelihood"])
+    run.records = _records(flown, options, scale)
     _save_figures(run, flown, metric=scale != "none")
     frames = flown.sequence.numbers[1:].astype(np.float64)
     (outside,) = select(run.records, metric="outside_fraction")
@@ -131,11 +131,11 @@ def _bag_notes(flown: Flown, options: OdometryOptions) -> list[str]:
     return bag_notes(flown.motions, options.bag_unscaled) if options.bag else []
 
 
-def _records(flown: Flown, options: OdometryOptions, scale: str, likelihood: str | None) -> list[Record]:
+def _records(flown: Flown, options: OdometryOptions, scale: str) -> list[Record]:
     """Records of a run: errors where the truth is known, states of frames, speed."""
     estimator, motions = flown.robot.estimator, flown.motions
     keys = {
-        "residual": options.residual, "likelihood": likelihood, "scale": scale,
+        "residual": options.residual, "scale": scale,
         "boresight": options.boresight, "self_calibrate": options.self_calibrate,
         "adapt": _adapting(options), "gate": "none" if options.gate is None else options.gate,
         "features": features_of(flown.robot.method),

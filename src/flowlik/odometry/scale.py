@@ -18,10 +18,8 @@ from flowlik.odometry._lengths import Length
 from flowlik.odometry._seen_lengths import CameraHeight, Stereo
 
 SCALES = ("truth-norm", "gps-norm", "camera-height", "stereo", "none")
-# those that flow itself tells, by errors along epipolar lines
-SEEN = ("camera-height", "stereo")
 # those that say how well they know a length
-UNCERTAIN = ("gps-norm", *SEEN)
+UNCERTAIN = ("gps-norm", "camera-height", "stereo")
 
 
 class ScaleSource(Protocol):
@@ -92,33 +90,6 @@ class Unscaled:
     ) -> Length | None:
         """Return None."""
         return None
-
-
-@dataclass(frozen=True, eq=False)
-class ByModel:
-    """A source that tells lengths by a likelihood of its own, as where that of motions knows no lengths.
-
-    Attributes
-    ----------
-    source : ScaleSource
-        What tells them.
-    likelihood : FlowLikelihood
-        Of the same flow; the measurements must have its signals.
-    """
-
-    source: ScaleSource
-    likelihood: FlowLikelihood
-
-    @property
-    def name(self) -> str:
-        """The source's."""
-        return self.source.name
-
-    def length(
-        self, k: int, m: Measurements, camera: Pinhole, T_k_prev: RigidTransform, likelihood: FlowLikelihood
-    ) -> Length | None:
-        """Length of the motion by its own likelihood, whatever that of the motion."""
-        return self.source.length(k, m, camera, T_k_prev, self.likelihood)
 
 
 def scale_source(name: str, sequence: ImageSequence, height_m: float | None = None) -> ScaleSource:

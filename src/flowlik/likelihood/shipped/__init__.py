@@ -2,7 +2,7 @@
 
 ``NAME.json`` is the best (a learned index), ``NAME-lcm.json`` the paper's Laplace-Cauchy mixture over
 texture; NAME is that of a flow method. ``NAME-epipolar.json`` is of errors across epipolar lines alone: what
-NAME stands for where depth is unknown (`serving`).
+NAME gives where these are asked for (`serving`).
 `benchmarks/ship_models.py` and `benchmarks/ship_epipolar.py` make them.
 """
 
