@@ -213,6 +213,11 @@ def estimator_of(options: OdometryOptions) -> Estimator:
 
     By a model of errors across epipolar lines, halves of the vectors agree better on the motion by maximum
     likelihood than with a cut at 90 % (docs/without-truth.md).
+
+    Raises
+    ------
+    ModelError
+        If there is no such model.
     """
     if options.model is None or options.estimator == "ransac":
         return ransac(gate=options.gate)
