@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -163,9 +164,12 @@ def run(
 
     `flowlik odometry walk.mp4 --camera 900,640,360 --model lucas-kanade --out walk`
 
+    `flowlik odometry /dev/video0 --camera 900,640,360 --model lucas-kanade --out walk`
+
     `flowlik odometry drive.mcap --topic /camera/image_raw --model lucas-kanade --save-bag --out drive`
     """
-    from flowlik.commands import odometry
+    from flowlik.commands import live_odometry, odometry
+    from flowlik.datasets.live import live_address
     from flowlik.support.progress import terminal_progress
 
     options = OdometryOptions(
@@ -199,7 +203,11 @@ def run(
         record=record,
         seed=seed,
     )
-    result = odometry(data, out, options, command=command_line(), progress=terminal_progress)
+    if (address := live_address(data)) is not None:
+        tell = partial(typer.echo, err=True)
+        result = live_odometry(address, out, options, command=command_line(), tell=tell)
+    else:
+        result = odometry(data, out, options, command=command_line(), progress=terminal_progress)
     show_run(result, json, verbose)
     if (result.config["residual"], scale) == ("epipolar", "none"):
         typer.echo("no scale: each motion counts 1, so lengths have no unit; see --scale", err=True)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from flowlik.commands._fuse import fuse as fuse
     from flowlik.commands._kitti import find_table_sequences as find_table_sequences
     from flowlik.commands._kitti import kitti_table as kitti_table
+    from flowlik.commands._live import live_odometry as live_odometry
     from flowlik.commands._models import models as models
     from flowlik.commands._models import summary as summary
     from flowlik.commands._odometry import odometry as odometry
@@ -32,6 +33,7 @@ __all__, __getattr__, __dir__ = lazily(
         "_flow": "flow",
         "_fuse": "fuse",
         "_kitti": "find_table_sequences kitti_table",
+        "_live": "live_odometry",
         "_models": "models summary",
         "_odometry": "odometry",
         "_reproduce": "reproduce",

@@ -112,7 +112,7 @@ def odometry(
     motions = watched_by(viewer(options.view, record), motions, sequence, robot)
     what = f"{options.estimator} on {sequence.name}, image pairs"
     flown = _flown(sequence, robot, truth, progress(motions, what, len(sequence) - 1))
-    _write_files(run.begin(), flown, options)
+    write_files(run.begin(), flown, options)
     report_odometry(run, flown, options, skipped, doubted)
     finish(run)
     return run
@@ -161,11 +161,11 @@ def _flown(
     if all(motion.predicted for motion in found):
         reason = found[0].reason if found else "there is only one image"
         raise DataError(f"{sequence.name}: no frame could be solved ({reason})")
-    return Flown(sequence, robot, truth, found, agreements, seconds)
+    return Flown(sequence, sequence.numbers, robot, truth, found, agreements, seconds)
 
 
-def _write_files(folder: Path, flown: Flown, options: OdometryOptions) -> None:
-    estimated, frames = flown.estimated, flown.sequence.numbers
+def write_files(folder: Path, flown: Flown, options: OdometryOptions) -> None:
+    estimated, frames = flown.estimated, flown.numbers
     write_kitti(folder / "trajectory_kitti.txt", estimated)
     write_tum(folder / "trajectory_tum.txt", estimated)
     persistence = flown.robot.persistence

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from flowlik.commands.options import OdometryOptions
-from flowlik.datasets.base import notes_of
-from flowlik.datasets.selection import Selection, Skipped
+from flowlik.datasets.base import ImageSequence, notes_of
+from flowlik.datasets.selection import Skipped
 from flowlik.egomotion import EgoMotion, Status
 from flowlik.evaluation.likelihood import outside_warning
 from flowlik.evaluation.motion import (
@@ -38,8 +39,10 @@ class Flown:
 
     Attributes
     ----------
-    sequence : Selection
+    sequence : ImageSequence
         Its frames.
+    numbers : array (N,)
+        Their numbers in the data.
     robot : Odometry
         The odometry, at the last frame.
     truth : Trajectory or None
@@ -52,7 +55,8 @@ class Flown:
         What it took.
     """
 
-    sequence: Selection
+    sequence: ImageSequence
+    numbers: NDArray[np.int64]
     robot: Odometry
     truth: Trajectory | None
     motions: list[EgoMotion]
@@ -80,7 +84,7 @@ def report_odometry(
     name, scale = flown.sequence.name, "depth" if options.residual == "depth" else options.scale
     run.records = _records(flown, options, scale)
     _save_figures(run, flown, metric=scale != "none")
-    frames = flown.sequence.numbers[1:].astype(np.float64)
+    frames = flown.numbers[1:].astype(np.float64)
     (outside,) = select(run.records, metric="outside_fraction")
     if options.skip_bad_frames:
         count = float(len(skipped))

@@ -275,7 +275,11 @@ def open_sequence(
             raise DataError(f"{path}: format {name} has its own {option}, only {takers} take one")
     if lenient and "lenient" in FORMATS[name].options:
         given["lenient"] = True
-    sequence = FORMATS[name].open(Path(path), **given)
+    return without_distortion(FORMATS[name].open(Path(path), **given))
+
+
+def without_distortion(sequence: ImageSequence) -> ImageSequence:
+    """Sequence whose images are undistorted as they are read, if its lens distorts."""
     lens = getattr(sequence, "lens", None)
     if lens is None or not lens.distorts:
         return sequence
