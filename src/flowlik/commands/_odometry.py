@@ -165,6 +165,13 @@ def _flown(
 
 
 def write_files(folder: Path, flown: Flown, options: OdometryOptions) -> None:
+    """Write trajectory, covariances and states of frames to a run's folder.
+
+    Raises
+    ------
+    DataError
+        If the place cannot be written to.
+    """
     estimated, frames = flown.estimated, flown.numbers
     write_kitti(folder / "trajectory_kitti.txt", estimated)
     write_tum(folder / "trajectory_tum.txt", estimated)
