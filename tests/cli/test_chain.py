@@ -213,18 +213,6 @@ def test_without_a_scale_lengths_are_null(flight, models, tmp_path):
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_model_of_errors_across_epipolar_lines_goes_by_maximum_likelihood(flight, tmp_path):
-    def estimator(model, *words):
-        succeed("odometry", flight, "--model", model, "--residual", "epipolar", "--frames", 3, *words,
-                "--out", tmp_path / "run")  # fmt: skip
-        return json.loads((tmp_path / "run" / "run.json").read_text())["config"]["estimator"]
-
-    assert estimator("lucas-kanade-11-epipolar") == "mle"
-    assert estimator("lucas-kanade-11-epipolar", "--estimator", "lcmsac") == "lcmsac"
-    assert estimator("lucas-kanade-11") == "lcmsac"
-
-
-@pytest.mark.usefixtures("undrawn")
 def test_ransac_needs_no_model(flight, tmp_path):
     outcome = succeed("odometry", flight, "--estimator", "ransac", "--out", tmp_path / "run")
     assert "The drift at the end is" in outcome.out

@@ -46,13 +46,13 @@ def run(
     method: Method = None,
     flow_png: FlowPng = None,
     estimator: Annotated[
-        str | None,
+        str,
         typer.Option(
             rich_help_panel=MODEL,
-            help="lcmsac, mle or ransac; by default lcmsac, or mle by a model of epipolar errors.",
+            help="lcmsac, mle or ransac.",
             autocompletion=complete.one_of(complete.ESTIMATORS),
         ),
-    ] = None,
+    ] = "lcmsac",
     residual: Annotated[
         str | None,
         typer.Option(

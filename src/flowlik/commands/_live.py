@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flowlik.commands._odometry import choose, write_files
+from flowlik.commands._odometry import estimator_of, flow_of, write_files
 from flowlik.commands._odometry_results import Flown, report_odometry
 from flowlik.commands.options import OdometryOptions
 from flowlik.datasets import masked, resized, without_distortion
@@ -21,6 +21,7 @@ from flowlik.datasets.live import Live
 from flowlik.egomotion import EgoMotion
 from flowlik.errors import DataError
 from flowlik.flow import describe
+from flowlik.odometry.adaptation import adapting
 from flowlik.odometry.odometry import Odometry
 from flowlik.odometry.scale import scale_source
 from flowlik.odometry.self_calibration import SelfCalibration
@@ -66,7 +67,7 @@ def live_odometry(
         If there is no such model or method.
     """
     _check(options)
-    flow, estimator = choose(options)
+    flow, estimator = flow_of(options), estimator_of(options)
     with Live(address, options.camera) as camera:
         sequence = resized(masked(without_distortion(camera), options.mask), options.resize)
         source = scale_source(options.scale, sequence, options.camera_height_m)
@@ -78,6 +79,8 @@ def live_odometry(
         begin = time.perf_counter()
         with _interrupted() as stopped:
             steps = _steps(sequence, camera, robot, options.frames, stopped)
+            if options.adapt:
+                steps = adapting(steps, robot)
             motions = list(_told(steps, robot, camera, tell))
         seconds = time.perf_counter() - begin
     if all(motion.predicted for motion in motions):

@@ -95,7 +95,6 @@ def odometry(
     if options.boresight == "causal" and truth is None:
         raise DataError(f"{sequence.name}: --boresight causal needs poses, which this data set does not have")
     estimator = estimator_of(options)
-    options = replace(options, estimator=estimator.name)
     run = RunFolder(
         out, command, {"data": str(data), **options.asdict(), "flow": describe(flow)}, options.seed
     )
@@ -200,15 +199,15 @@ def flow_of(options: OdometryOptions) -> FlowMethod:
     estimator, gate = options.estimator, options.gate
     if options.adapt and estimator == "ransac":
         raise DataError("--adapt follows a model's errors: --estimator ransac has none")
-    if estimator not in (None, *ESTIMATORS):
+    if estimator not in ESTIMATORS:
         raise DataError(f"unknown estimator {estimator!r}: known are {', '.join(ESTIMATORS)}")
     if gate is not None and not 0 <= gate < np.inf:
         raise DataError(f"--min-texture must be a texture of at least 0, not {gate}")
     if options.model is None:
         if estimator != "ransac":
             raise DataError(
-                f"--estimator {estimator or 'lcmsac'} needs --model: a shipped model's name (`flowlik "
-                "models`) or a file that `flowlik calibrate` makes"
+                f"--estimator {estimator} needs --model: a shipped model's name (`flowlik models`) or a file "
+                "that `flowlik calibrate` makes"
             )
         return coded(flow_method(options.method or "lucas-kanade"), options.flow_png)
     likelihood = load_likelihood(options.model)
@@ -218,9 +217,6 @@ def flow_of(options: OdometryOptions) -> FlowMethod:
 def estimator_of(options: OdometryOptions) -> Estimator:
     """Estimator of the options of a run.
 
-    By a model of errors across epipolar lines, halves of the vectors agree better on the motion by maximum
-    likelihood than with a cut at 90 % (docs/without-truth.md).
-
     Raises
     ------
     ModelError
@@ -228,9 +224,8 @@ def estimator_of(options: OdometryOptions) -> Estimator:
     """
     if options.model is None or options.estimator == "ransac":
         return ransac(gate=options.gate)
-    likelihood = load_likelihood(options.model)
-    name = options.estimator or ("mle" if likelihood.residual == "epipolar" else "lcmsac")
-    return (lcmsac if name == "lcmsac" else mle)(likelihood, gate=options.gate)
+    make = lcmsac if options.estimator == "lcmsac" else mle
+    return make(load_likelihood(options.model), gate=options.gate)
 
 
 def residual_kind(sequence: ImageSequence, asked: str | None) -> ResidualKind:

@@ -95,8 +95,8 @@ class OdometryOptions(Data):
     method : str, optional
         Flow method for RANSAC without a model; beside a model it may only confirm it, and must
         where that is an object, a network or flow on disk.
-    estimator : {"lcmsac", "ransac", "mle"}, optional
-        By default maximum likelihood where a model of errors across epipolar lines serves, else LCMSAC.
+    estimator : {"lcmsac", "ransac", "mle"}
+        Estimator.
     residual : {"depth", "epipolar"}, optional
         By default known depth if the data has it.
     scale : {"none", "truth-norm", "gps-norm", "camera-height", "stereo"}
@@ -138,7 +138,7 @@ class OdometryOptions(Data):
 
     model: Path | None = None
     method: str | None = None
-    estimator: str | None = None
+    estimator: str = "lcmsac"
     residual: str | None = None
     scale: str = "none"
     camera_height_m: float | None = None
