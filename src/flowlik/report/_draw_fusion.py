@@ -69,6 +69,10 @@ def draw_contributions(data: Data) -> Figure:
         for k, (name, sigma) in enumerate(zip(data["names"], data[part])):
             colour, dash, width = STYLES[k % len(STYLES)]
             ax.plot(seconds, factor * sigma, dash, color=colour, lw=width, label=str(name))
-        ax.set(yscale="log", xlabel="time  [s]", ylabel=f"{part}  [{unit}]")
+        ax.set(xlabel="time  [s]", ylabel=f"{part}  [{unit}]")
+        if data[part].max() > 30 * data[part].min() > 0:
+            ax.set_yscale("log")
+        else:
+            ax.set_ylim(bottom=0)
     legend_above(figure, axes[0], 3)
     return figure
