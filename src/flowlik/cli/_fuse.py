@@ -14,9 +14,11 @@ from flowlik.cli._options import (
     MODEL,
     Camera,
     DepthTopic,
+    EstimatorName,
     FlowPng,
     Format,
     FrameRate,
+    Frames,
     Json,
     Mask,
     Method,
@@ -25,7 +27,10 @@ from flowlik.cli._options import (
     Resize,
     Seed,
     SkipBadFrames,
+    Start,
+    Stride,
     Topic,
+    TruePoses,
     Verbose,
     command_line,
 )
@@ -144,28 +149,11 @@ def run(
     model: ModelUnlessRansac = None,
     method: Method = None,
     flow_png: FlowPng = None,
-    estimator: Annotated[
-        str,
-        typer.Option(
-            rich_help_panel=MODEL,
-            help="lcmsac, mle or ransac.",
-            autocompletion=complete.one_of(complete.ESTIMATORS),
-        ),
-    ] = FuseOptions.estimator,
-    truth: Annotated[
-        Path | None,
-        typer.Option(
-            rich_help_panel=INPUT,
-            help="File of true poses (TUM, KITTI, EuRoC's csv), instead of the data's own.",
-        ),
-    ] = None,
-    frames: Annotated[
-        int | None, typer.Option(min=2, rich_help_panel=INPUT, help="Only so many frames from the first.")
-    ] = None,
-    start: Annotated[int, typer.Option(min=0, rich_help_panel=INPUT, help="First frame.")] = 0,
-    stride: Annotated[
-        int, typer.Option(min=1, rich_help_panel=INPUT, help="Only every so many-th frame.")
-    ] = FuseOptions.stride,
+    estimator: EstimatorName = FuseOptions.estimator,
+    truth: TruePoses = None,
+    frames: Frames = None,
+    start: Start = 0,
+    stride: Stride = FuseOptions.stride,
     skip_bad_frames: SkipBadFrames = False,
     format: Format = None,
     camera: Camera = None,

@@ -18,9 +18,11 @@ from flowlik.cli._options import (
     SCALE,
     Camera,
     DepthTopic,
+    EstimatorName,
     FlowPng,
     Format,
     FrameRate,
+    Frames,
     Json,
     Mask,
     Method,
@@ -30,7 +32,10 @@ from flowlik.cli._options import (
     Resize,
     Seed,
     SkipBadFrames,
+    Start,
+    Stride,
     Topic,
+    TruePoses,
     Verbose,
     View,
     command_line,
@@ -45,14 +50,7 @@ def run(
     model: ModelUnlessRansac = None,
     method: Method = None,
     flow_png: FlowPng = None,
-    estimator: Annotated[
-        str,
-        typer.Option(
-            rich_help_panel=MODEL,
-            help="lcmsac, mle or ransac.",
-            autocompletion=complete.one_of(complete.ESTIMATORS),
-        ),
-    ] = "lcmsac",
+    estimator: EstimatorName = OdometryOptions.estimator,
     residual: Annotated[
         str | None,
         typer.Option(
@@ -105,20 +103,10 @@ def run(
             help="Leave out components of less texture [intensity²/px²].",
         ),
     ] = None,
-    truth: Annotated[
-        Path | None,
-        typer.Option(
-            rich_help_panel=INPUT,
-            help="File of true poses (TUM, KITTI, EuRoC's csv), instead of the data's own.",
-        ),
-    ] = None,
-    frames: Annotated[
-        int | None, typer.Option(min=2, rich_help_panel=INPUT, help="Only so many frames from the first.")
-    ] = None,
-    start: Annotated[int, typer.Option(min=0, rich_help_panel=INPUT, help="First frame.")] = 0,
-    stride: Annotated[
-        int, typer.Option(min=1, rich_help_panel=INPUT, help="Only every so many-th frame.")
-    ] = OdometryOptions.stride,
+    truth: TruePoses = None,
+    frames: Frames = None,
+    start: Start = 0,
+    stride: Stride = OdometryOptions.stride,
     parallax: Annotated[
         float | None,
         typer.Option(

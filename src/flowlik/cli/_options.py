@@ -45,6 +45,31 @@ METHOD_HELP = (
     "horn-schunck; your own as package.module:object; a network as onnx:FILE; or on disk as "
     "flow-files:LABEL=FOLDER."
 )
+EstimatorName = Annotated[
+    str,
+    typer.Option(
+        "--estimator",
+        rich_help_panel=MODEL,
+        help="lcmsac, mle or ransac.",
+        autocompletion=complete.one_of(complete.ESTIMATORS),
+    ),
+]
+TruePoses = Annotated[
+    Path | None,
+    typer.Option(
+        "--truth",
+        rich_help_panel=INPUT,
+        help="File of true poses (TUM, KITTI, EuRoC's csv), instead of the data's own.",
+    ),
+]
+Frames = Annotated[
+    int | None,
+    typer.Option("--frames", min=2, rich_help_panel=INPUT, help="Only so many frames from the first."),
+]
+Start = Annotated[int, typer.Option("--start", min=0, rich_help_panel=INPUT, help="First frame.")]
+Stride = Annotated[
+    int, typer.Option("--stride", min=1, rich_help_panel=INPUT, help="Only every so many-th frame.")
+]
 Method = Annotated[
     str | None,
     typer.Option(
