@@ -13,7 +13,7 @@ from flowlik.commands._odometry_files import write_frames
 from flowlik.fusion import Fused
 from flowlik.geometry.trajectory import write_tum
 from flowlik.odometry.trajectory_covariance import write_covariances
-from flowlik.support.files import atomic_write
+from flowlik.support.files import atomic_write, write_npz
 
 
 def write_fusion(folder: Path, flight: FusedFlight) -> None:
@@ -36,16 +36,15 @@ def write_fusion(folder: Path, flight: FusedFlight) -> None:
 
 
 def _write_states(path: Path, fused: Fused) -> None:
-    with atomic_write(path, "wb") as file:
-        np.savez_compressed(
-            file,
-            timestamps_s=fused.times_s,
-            T_n_b=fused.trajectory.poses.as_matrix(),
-            velocity_n_mps=np.array([s.velocity_n_mps for s in fused.states]),
-            gyroscope_bias_radps=np.array([s.gyroscope_bias_radps for s in fused.states]),
-            accelerometer_bias_mps2=np.array([s.accelerometer_bias_mps2 for s in fused.states]),
-            covariance=fused.covariances,
-        )
+    arrays = {
+        "timestamps_s": fused.times_s,
+        "T_n_b": fused.trajectory.poses.as_matrix(),
+        "velocity_n_mps": np.array([s.velocity_n_mps for s in fused.states]),
+        "gyroscope_bias_radps": np.array([s.gyroscope_bias_radps for s in fused.states]),
+        "accelerometer_bias_mps2": np.array([s.accelerometer_bias_mps2 for s in fused.states]),
+        "covariance": fused.covariances,
+    }
+    write_npz(path, arrays)
 
 
 def _write_biases(path: Path, fused: Fused) -> None:

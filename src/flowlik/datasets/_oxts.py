@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
+from flowlik.datasets._raw_text import read_stamps
 from flowlik.errors import DataError
 from flowlik.geometry.times import check_times
 from flowlik.support.arrays import Array
-from flowlik.support.files import read_table, read_text
+from flowlik.support.files import read_table
 
 OXTS_COLUMNS = 30
 POSITION, FORCE, RATE = slice(0, 3), slice(11, 14), slice(17, 20)
@@ -36,7 +37,8 @@ def read_oxts(path: Path) -> tuple[Array, Array]:
     layout = f"{OXTS_COLUMNS} numbers (KITTI OXTS: lat lon alt roll pitch yaw …)"
     files = sorted((folder / "data").glob("*.txt"))
     rows = np.array([read_table(file, OXTS_COLUMNS, layout)[0][0] for file in files])
-    times_s = _stamps(folder / "timestamps.txt")
+    stamps = read_stamps(folder / "timestamps.txt")
+    times_s = np.asarray((stamps - stamps[:1]).astype(np.int64) / 1e9, dtype=np.float64)
     if len(times_s) != len(rows):
         raise DataError(f"{folder}: {len(rows)} rows of OXTS, but {len(times_s)} times in timestamps.txt")
     check_times(times_s, str(folder / "timestamps.txt"))
@@ -45,11 +47,3 @@ def read_oxts(path: Path) -> tuple[Array, Array]:
 
 def _folder(path: Path) -> Path:
     return path / "oxts" if (path / "oxts").is_dir() else path
-
-
-def _stamps(path: Path) -> Array:
-    try:
-        stamps = np.array([np.datetime64(line.strip(), "ns") for line in read_text(path).split("\n") if line])
-    except ValueError as error:
-        raise DataError(f"{path}: not times such as '2011-09-26 13:02:25.964389445' ({error})") from error
-    return np.asarray((stamps - stamps[:1]).astype(np.int64) / 1e9, dtype=np.float64)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from flowlik.datasets._layouts import BAG_SUFFIXES
 from flowlik.datasets.ros_topic import guarded, opened
 from flowlik.errors import DataError
 from flowlik.support.arrays import Array
@@ -18,7 +19,7 @@ UNKNOWN_COVARIANCE = 0
 
 def is_bag(path: Path) -> bool:
     """Whether a path looks like a bag: a file by its ending, or a folder with ``metadata.yaml``."""
-    return path.suffix in (".bag", ".mcap", ".db3") or (path / "metadata.yaml").is_file()
+    return path.suffix.lower() in BAG_SUFFIXES or (path / "metadata.yaml").is_file()
 
 
 def read_ros_imu(path: Path, topic: str | None) -> tuple[Array, Array, Array]:

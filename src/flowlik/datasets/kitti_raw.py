@@ -12,18 +12,17 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from flowlik.datasets._camera_model import matrix_lens
 from flowlik.datasets._frames import Lacking, first_readable
 from flowlik.datasets._images import read_grey
+from flowlik.datasets._oxts import ACCURACY, OXTS_COLUMNS
+from flowlik.datasets._raw_text import calibration_row, read_stamps
 from flowlik.datasets.base import frame_index, lacks
 from flowlik.datasets.kitti import images_in, numbered_images
 from flowlik.errors import DataError
 from flowlik.geometry.camera import Pinhole
 from flowlik.geometry.times import check_times
 from flowlik.geometry.trajectory import FRAME_RATE
-from flowlik.support.files import numbers, printable, read_table, read_text
+from flowlik.support.files import printable, read_table
 
 EARTH_RADIUS_M = 6378137.0
-OXTS_COLUMNS = 30
-# column of the standard deviation of a position
-ACCURACY_COLUMN = 23
 FOLDERS = {"image_00/data": "00", "image_02/data": "02"}
 ODOMETRY_DRIVES = {
     "00": ("2011_10_03_drive_0027", 4541),
@@ -147,7 +146,7 @@ class KittiRaw(Lacking):
     def gps_accuracy_m(self) -> NDArray[np.float64]:
         """Standard deviation (N,) [m] of each position, as the OXTS unit itself states it; NaN unknown."""
         rows, known = self._oxts
-        return np.where(known, rows[:, ACCURACY_COLUMN], np.nan)
+        return np.where(known, rows[:, ACCURACY], np.nan)
 
     @cached_property
     def _poses(self) -> tuple[RigidTransform, NDArray[np.bool_]]:
@@ -190,24 +189,12 @@ class KittiRaw(Lacking):
         path = next((place for place in places if place.is_file()), None)
         if path is None:
             raise DataError(f"{places[0]}: no such file, but this KITTI raw drive needs it")
-        for line in read_text(path).splitlines():
-            name, colon, values = line.partition(":")
-            if colon and name.strip() == row:
-                found = numbers(values.split(), f"{path}, row {row}")
-                if len(found) != count:
-                    raise DataError(f"{path}, row {row}: {len(found)} numbers, but expected {count}")
-                return np.array(found)
-        raise DataError(f"{path}: no row {row}")
+        return calibration_row(path, row, count)
 
     def _read_times(self, path: Path, lenient: bool) -> NDArray[np.float64]:
         if not path.is_file():
             return self._frames.numbers / FRAME_RATE
-        try:
-            stamps = np.array(
-                [np.datetime64(line.strip(), "ns") for line in read_text(path).split("\n") if line]
-            )
-        except ValueError as error:
-            raise DataError(f"{path}: not times such as '2011-09-26 13:02:25.964389445' ({error})") from error
+        stamps = read_stamps(path)
         stamps = stamps[self._frames.rows(len(stamps), "times", path)]
         seconds = (stamps - stamps[0]).astype(np.int64) / 1e9
         if not lenient:

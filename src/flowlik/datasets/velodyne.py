@@ -8,9 +8,9 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from flowlik.datasets._poses import rigid_transform
+from flowlik.datasets._raw_text import calibration_row
 from flowlik.errors import DataError
 from flowlik.support.arrays import Array
-from flowlik.support.files import numbers, read_text
 
 MOST_RANGE_M = 200.0
 
@@ -59,21 +59,10 @@ def read_kitti_lidar_place(folder: Path | str, camera: str = "02") -> RigidTrans
     folder = Path(folder)
     velo, cam = folder / "calib_velo_to_cam.txt", folder / "calib_cam_to_cam.txt"
     place = np.eye(4)
-    place[:3, :3], place[:3, 3] = _row(velo, "R", 9).reshape(3, 3), _row(velo, "T", 3)
+    place[:3, :3], place[:3, 3] = calibration_row(velo, "R", 9).reshape(3, 3), calibration_row(velo, "T", 3)
     rectified = np.eye(4)
-    rectified[:3, :3] = _row(cam, "R_rect_00", 9).reshape(3, 3)
-    P = _row(cam, f"P_rect_{camera}", 12).reshape(3, 4)
+    rectified[:3, :3] = calibration_row(cam, "R_rect_00", 9).reshape(3, 3)
+    P = calibration_row(cam, f"P_rect_{camera}", 12).reshape(3, 4)
     aside = RigidTransform.from_translation(np.linalg.solve(P[:, :3], P[:, 3]))
     turn = RigidTransform.from_rotation(Rotation.from_matrix(rectified[:3, :3]))
     return aside * turn * rigid_transform(place, f"{velo}, R and T")
-
-
-def _row(path: Path, name: str, count: int) -> Array:
-    for line in read_text(path).splitlines():
-        key, colon, values = line.partition(":")
-        if colon and key.strip() == name:
-            found = numbers(values.split(), f"{path}, row {name}")
-            if len(found) != count:
-                raise DataError(f"{path}, row {name}: {len(found)} numbers, but expected {count}")
-            return np.array(found)
-    raise DataError(f"{path}: no row {name}")
