@@ -81,6 +81,7 @@ def test_its_trajectory_is_written_at_the_end(stream, tmp_path):
     [
         ((), "a live camera needs --camera"),
         (("--camera", "60,48,32", "--stride", 2), "--stride is for recordings"),
+        (("--camera", "60,48,32", "--fps", 30), "--fps is for recordings"),
         (("--camera", "60,48,32", "--scale", "truth-norm"), "--scale truth-norm is for recordings"),
         (("--camera", "60,48,32", "--residual", "depth"), "has no depth"),
         (("--camera", "60,48,32"), "cannot be opened"),

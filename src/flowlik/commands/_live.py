@@ -28,6 +28,7 @@ from flowlik.odometry.self_calibration import SelfCalibration
 from flowlik.report import finish
 from flowlik.results.runs import RunFolder
 
+FLAGS = {"frames_per_second": "fps", "record": "save-rerun"}
 RECORDED = (
     "format", "truth", "start", "stride", "parallax", "frames_per_second", "topic", "depth_topic",
     "skip_bad_frames", "boresight", "view", "record", "flow_png",
@@ -98,7 +99,7 @@ def _check(options: OdometryOptions) -> None:
     usual = OdometryOptions()
     for field in fields(options):
         if field.name in RECORDED and getattr(options, field.name) != getattr(usual, field.name):
-            name = field.name.replace("_", "-")
+            name = FLAGS.get(field.name, field.name.replace("_", "-"))
             raise DataError(f"--{name} is for recordings: a camera that films has none")
     if options.camera is None:
         raise DataError("a live camera needs --camera: f,cx,cy or fx,fy,cx,cy in pixels, or a camera file")
